@@ -79,7 +79,7 @@ def _listed(name: str, eps: float, seed: int) -> RobotSpec:
     geometry, random = geometry_of(spec), np.random.default_rng([seed, 4])
     entries = [entry for entry in geometry.entries() if entry.place == "row"]
     steps = np.array([eps * random.normal() * (1.0 if entry.is_angle else 0.5) for entry in entries])
-    return calibrated_spec(spec, geometry.moved(entries, steps), "bench")
+    return calibrated_spec(spec, geometry.with_step(entries, steps), "bench")
 
 
 def compared(name: str, nominal: RobotSpec, spec: RobotSpec, poses: int, seed: int) -> Comparison:

@@ -45,8 +45,8 @@ def _with_unusable() -> tuple[dict[str, Exporter], dict[str, str]]:
 
     Those cannot be loaded, are no :class:`Exporter`, or take the name of another target.
     """
-    own = [importlib.import_module(f"{targets.__name__}.{name}").EXPORTER for name in TARGETS]
-    known = {exporter.name: exporter for exporter in own}
+    built_in_exporters = [importlib.import_module(f"{targets.__name__}.{name}").EXPORTER for name in TARGETS]
+    known = {exporter.name: exporter for exporter in built_in_exporters}
     faulty: dict[str, str] = {}
     for plugin in plugins(plugin_groups.TARGETS):
         try:
@@ -98,13 +98,13 @@ def export_robot(
         from rrrgen.controller.files import unit_code
 
         options = replace(options, unit=unit_code(spec, options.real, options.further, options.chosen))
-    found = exporter.write(spec, options)
-    return replace(found, notes=(*notes, *found.notes))
+    export = exporter.write(spec, options)
+    return replace(export, notes=(*notes, *export.notes))
 
 
 def _refuse_mechanism(exporter: Exporter, spec: RobotSpec) -> None:
     """Raise DerivationError if the rows of the robot form no chain of joints and ``exporter`` takes nothing else."""
-    able = {name: each.loops if spec.loops else each.mechanisms for name, each in exporters().items()}
+    able = {name: candidate.loops if spec.loops else candidate.mechanisms for name, candidate in exporters().items()}
     if spec.mechanism is not None and not (exporter.loops if spec.loops else exporter.mechanisms):
         what = "closed loops" if spec.loops else "joints that follow others and branches"
         others = ", ".join(name for name in able if able[name])
@@ -116,7 +116,7 @@ def _refuse_unused(exporter: Exporter, options: ExportOptions) -> None:
     usual = ExportOptions(further=options.further, chosen=options.chosen)
     for field in fields(options):
         if field.name not in exporter.options and getattr(options, field.name) != getattr(usual, field.name):
-            takers = [each.name for each in exporters().values() if field.name in each.options]
+            takers = [taker.name for taker in exporters().values() if field.name in taker.options]
             option = "--platform" if field.name == "platforms" else f"--{field.name}"
             raise InputError(f"{exporter.name} has no use for {option}; targets that have: {', '.join(takers)}")
 
@@ -125,10 +125,10 @@ def _refuse_words(exporter: Exporter, further: tuple[str, ...]) -> None:
     """Raise InputError for a word of ``--with`` that ``exporter`` cannot hold."""
     for word in further:
         if word not in exporter.further:
-            takers = [each.name for each in exporters().values() if word in each.further]
+            takers = [taker.name for taker in exporters().values() if word in taker.further]
             able = f"targets that can: {', '.join(takers)}" if takers else "'rrrgen generate --with' writes it"
-            own = f"; it takes {', '.join(exporter.further)}" if exporter.further else ""
-            raise InputError(f"{exporter.name} cannot hold '{word}'{own}; {able}")
+            hint = f"; it takes {', '.join(exporter.further)}" if exporter.further else ""
+            raise InputError(f"{exporter.name} cannot hold '{word}'{hint}; {able}")
 
 
 def _unheld(exporter: Exporter, spec: RobotSpec) -> Iterator[str]:

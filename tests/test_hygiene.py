@@ -47,10 +47,16 @@ def strict(call: ast.Call) -> bool:
 
 @dataclass(frozen=True)
 class Source:
-    """What a Python file calls, the functions, methods, classes and constants that it defines, and its docstrings."""
+    """What a Python file calls, the functions, methods, classes and constants that it defines, and its docstrings.
+
+    ``functions`` are its functions and methods without properties, ``variables`` what it assigns to but for fields, and
+    parameters.
+    """
 
     called: set[str]
     defined: set[str]
+    functions: set[str]
+    variables: set[str]
     docstrings: dict[str, str]
     module_docstring: str
     lines: int
@@ -61,12 +67,25 @@ def source(path: Path) -> Source:
     """Read a file once for all tests; its syntax tree is not kept, since garbage collection would visit all of them."""
     text = path.read_text(encoding="utf-8")
     tree = ast.parse(text)
-    called, docstrings = set(), {}
+    fields = {
+        id(line.target)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
+        for line in node.body
+        if isinstance(line, ast.AnnAssign)
+    }
+    called, docstrings, functions, variables = set(), {}, set(), set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute) and not strict(node):
             called.add(node.func.id if isinstance(node.func, ast.Name) else node.func.attr)
         elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
             docstrings[node.name] = ast.get_docstring(node) or ""
+            if not isinstance(node, ast.ClassDef) and "property" not in "".join(map(ast.unparse, node.decorator_list)):
+                functions.add(node.name)
+        elif isinstance(node, ast.arg):
+            variables.add(node.arg)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and id(node) not in fields:
+            variables.add(node.id)
     constants = {
         target.id
         for node in tree.body
@@ -74,9 +93,8 @@ def source(path: Path) -> Source:
         for target in node.targets
         if isinstance(target, ast.Name)
     }
-    return Source(
-        called, constants | set(docstrings), docstrings, ast.get_docstring(tree) or "", len(text.splitlines())
-    )
+    defined, about = constants | set(docstrings), ast.get_docstring(tree) or ""
+    return Source(called, defined, functions, variables, docstrings, about, len(text.splitlines()))
 
 
 def prints(path: Path) -> bool:
@@ -113,6 +131,24 @@ def test_what_is_defined_is_used():
 
 
 FRAGMENTS = re.compile(r"(Of|From|See|Likewise|As :|As in|The same\.|Like :)\b")
+
+
+VAGUE = {"found", "each", "own", "told"}
+PARTICIPLE = re.compile(r"_*([a-z]+ed|built|chosen|drawn|found|given|held|kept|known|made|shown|taken|told|written)_*")
+NOUNS = {"feed", "need", "seed", "speed"}
+
+
+def test_names_say_what_they_hold_and_functions_what_they_do():
+    """A variable is the noun of its thing, a function a verb or a noun; properties may be participles."""
+    package = [path for path in PYTHON if ROOT / "rrrgen" in path.parents]
+    assert {identify(path): source(path).variables & VAGUE for path in package if source(path).variables & VAGUE} == {}
+    participles = {
+        f"{identify(path)}: {name}"
+        for path in package
+        for name in source(path).functions
+        if PARTICIPLE.fullmatch(name) and name.strip("_") not in NOUNS
+    }
+    assert participles == set()
 
 
 def test_docstrings_say_what_the_thing_is():

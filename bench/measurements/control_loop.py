@@ -41,7 +41,7 @@ def loop_tick(derived: DerivedModel, toolchain: Toolchain, passes: int) -> TickT
     name, n = derived.name, derived.spec.n
     law, observer = (derived.programs[function] for function in ("computed_torque", "momentum_observer"))
     matrices = kalman_matrices(PERIOD, RESOLUTION**2 / 12.0, JERK**2)
-    step = kalman_program([matrices.E.tolist()] * n, [matrices.k.tolist()] * n, PERIOD).described(name="step")
+    step = kalman_program([matrices.E.tolist()] * n, [matrices.k.tolist()] * n, PERIOD).with_fields(name="step")
     sincos = sincos_strategy("inline")
     files = header_and_sources(derived, identify(derived.spec), Dialect(name, "double"), sincos)
     files |= function_files(f"{name}_kalman", "filter", [step], "double")

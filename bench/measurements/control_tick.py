@@ -51,8 +51,8 @@ def control_ticks(derived: DerivedModel, toolchain: Toolchain, passes: int) -> l
     motion = path.evaluate(PERIOD * np.arange(SAMPLES))
     settings = EstimatorSettings(gain=chosen_gain(None, gain_bound(setting, *motion)))
     matrices = kalman_matrices(PERIOD, RESOLUTION**2 / 12.0, JERK**2)
-    step = kalman_program([matrices.E.tolist()] * n, [matrices.k.tolist()] * n, PERIOD).described(name="step")
-    law = friction_program(LAWS["neural"], n).described(name="neural")
+    step = kalman_program([matrices.E.tolist()] * n, [matrices.k.tolist()] * n, PERIOD).with_fields(name="step")
+    law = friction_program(LAWS["neural"], n).with_fields(name="neural")
     files = function_files(f"{name}_kalman", "filter", [step], "double")
     files |= function_files(f"{name}_friction", "friction", [law], "double")
     for kind in KINDS:

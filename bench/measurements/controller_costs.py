@@ -15,7 +15,7 @@ from pathlib import Path
 
 import click
 
-from rrrgen.controller.files import described, standalone_files
+from rrrgen.controller.files import describe_unit, standalone_files
 from rrrgen.controller.table import GROUPS, mode_number, unit_of
 from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.robot.file import read
@@ -66,7 +66,7 @@ def measured(robot: str, work: str, folder: Path) -> Cost:
     if phase != "0":
         raise RuntimeError(f"{name}, {work}: the controller left the phase RUN")
     counted = [_instructions(folder, passes) for passes in (1, 2)]
-    laid = described(unit, "double")
+    laid = describe_unit(unit, "double")
     sizes = [laid["structs"]["params"]["size"], laid["state_size"]]
     sizes += [laid["structs"][each]["size"] for each in ("input", "output")]
     per_tick = round((counted[1] - counted[0]) / TICKS)

@@ -25,7 +25,7 @@ from rrrgen.base.parallel import without_collection
 from rrrgen.derive import derive, prepare, record
 from rrrgen.derive.derived_model import Derivation
 from rrrgen.derive.functions.floating_second_derivatives import weighted_gradient
-from rrrgen.derive.functions.table import combine, named, with_sources
+from rrrgen.derive.functions.table import combine, get_function, with_sources
 from rrrgen.derive.optimizer import Optimizer
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.program import Program, count_operations
@@ -134,7 +134,7 @@ class Functions:
 
     def _programs(self, name: str) -> dict[str, Program]:
         with without_collection():
-            return dict(Optimizer()(record(self.derivation, with_sources([named(name)]))).programs)
+            return dict(Optimizer()(record(self.derivation, with_sources([get_function(name)]))).programs)
 
     def count(self, name: str) -> int:
         """The operations of one function."""
@@ -142,7 +142,7 @@ class Functions:
 
     def seconds(self, name: str) -> float:
         """CPU time of the derivation of one function from those that it is made of, without its specialization."""
-        sources = [self.programs(each)[each] for each in named(name).of]
+        sources = [self.programs(each)[each] for each in get_function(name).of]
         with without_collection():  # as whoever derives a robot does
             begin = time.process_time()
             combine(name, self.derivation.recording(), sources)
@@ -216,8 +216,8 @@ def _of_floating_hessian(name: str, gradient_limit: float, limit: float) -> Iter
     """Counts with the numbers of the file, and times of derivation and of `gcc -O2`, on a floating base."""
     functions, (hessian, product) = Functions(robot(name, floating=True)), OF_FLOATING_HESSIANS
     programs, recording = functions.programs(hessian), functions.derivation.recording()
-    recording.function = named(hessian)
-    (source,) = named(hessian).of
+    recording.function = get_function(hessian)
+    (source,) = get_function(hessian).of
     gradient = weighted_gradient(recording, functions.programs(source)[f"{source}_nominal"])
     yield Row(name, f"{hessian}: gradient", count_operations(gradient).total, 1.03 * gradient_limit)
     yield Row(name, f"{hessian}_nominal", count_operations(programs[f"{hessian}_nominal"]).total, 1.03 * limit)

@@ -30,7 +30,7 @@ from bench.measurements.trees import body
 from bench.templates import source
 from bench.toolchain import Toolchain, find_toolchain
 from rrrgen.derive import derive_once
-from rrrgen.derive.functions.second_derivatives import packed
+from rrrgen.derive.functions.second_derivatives import upper_triangle_indices
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.program import Program, count_operations
 from rrrgen.robot.file import load_spec
@@ -79,7 +79,7 @@ def by_casadi(case: Case) -> tuple[list[Contender], str, str]:
     direction, x = ca.SX.sym("d", 3 * n), ca.vertcat(q, dq, ddq)
     tau = ca.vertcat(*HandArm(frames, regrouped(frames)).inverse_dynamics(q, dq, ddq))
     H, gradient = ca.hessian(ca.dot(weights, tau), x)
-    upper = packed(n)
+    upper = upper_triangle_indices(n)
     laid_out = [
         gradient,
         *(H[i, j] for i, j in upper),

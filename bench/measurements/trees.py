@@ -126,7 +126,7 @@ def _loop(chain: NumericRobot) -> tuple[dict[str, list[int]], dict[str, list[Arr
     The second pin is moved along the axis until it is level with the first.
     """
     (loop,) = chain.loops
-    tree = NewtonEuler(chain.opened(), np.zeros((chain.links, 10)))
+    tree = NewtonEuler(chain.spanning_tree(), np.zeros((chain.links, 10)))
     x, solved = LoopSolver(chain, tree).solve(draw_states(chain, STATES, np.random.default_rng(1)).q)
     assert solved.all()
     frames = tree.link_frames(x[:1])[0]

@@ -206,12 +206,12 @@ def require(purpose: str, *modules: str) -> None:
 
     Call it before any work is done. ``purpose`` says in the message what needs them.
     """
-    missing = [module for module in modules if not installed(module)]
+    missing = [module for module in modules if not is_installed(module)]
     if missing:
         raise MissingExtraError(purpose, ", ".join(missing), EXTRAS[missing[0]])
 
 
-def installed(module: str) -> bool:
+def is_installed(module: str) -> bool:
     """Whether the top-level ``module`` is installed, as far as can be determined without importing it."""
     try:
         return find_spec(module) is not None

@@ -40,7 +40,7 @@ def staging_file(place: Path, name: str) -> tuple[int, Path]:
 
 
 @contextmanager
-def locked(path: Path, wait: bool = True) -> Iterator[int | None]:
+def hold_lock(path: Path, wait: bool = True) -> Iterator[int | None]:
     """Hold the lock of a file or directory; yields its handle, or None if it cannot be locked.
 
     With ``wait``, waits for another process to release the lock.
@@ -76,7 +76,7 @@ def remove_abandoned(place: Path, name: str | None = None) -> None:
     """Remove staging files in ``place`` whose process has ended: of the output ``name``, or of any (None)."""
     with contextlib.suppress(OSError):
         for path in [entry for entry in place.iterdir() if is_staged(entry, name)]:
-            with locked(path, wait=False) as abandoned:
+            with hold_lock(path, wait=False) as abandoned:
                 if abandoned is not None:
                     remove(path)
 
@@ -270,7 +270,7 @@ def complete(directory: Path, manifest: str) -> None:
     names = sorted(path.relative_to(files).as_posix() for path in files.rglob("*") if not path.is_dir())
     if manifest in names:
         (directory / manifest).unlink(missing_ok=True)
-    for name in sorted(names, key=lambda each: (each == manifest, each)):
+    for name in sorted(names, key=lambda file_name: (file_name == manifest, file_name)):
         if name == manifest:
             _remove_stale(commit, directory)
         place = directory / name

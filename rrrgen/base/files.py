@@ -16,7 +16,7 @@ from rrrgen.base.exchange import (
     FILES,
     CannotExchangeError,
     complete,
-    locked,
+    hold_lock,
     move_in,
     remove,
     remove_abandoned,
@@ -44,7 +44,7 @@ def write(files: Mapping[str, Contents], directory: Path) -> None:
     StorageError if the disk is full.
     """
     for name in files:
-        _checked(name)
+        _check_path(name)
     directory = Path(os.path.realpath(directory))
     if directory.exists() and not directory.is_dir():
         raise OutputError(f"cannot write to {directory}: it is not a directory")
@@ -94,7 +94,7 @@ def _check_obstacles(files: Mapping[str, Contents], directory: Path) -> None:
 def _locked_directory(directory: Path) -> Iterator[None]:
     """Lock ``directory`` against other runs of rrrgen; tries again if it was replaced while waiting for the lock."""
     while True:
-        with locked(directory) as held:
+        with hold_lock(directory) as held:
             if held is None or os.path.samestat(os.stat(directory), os.fstat(held)):
                 yield
                 return
@@ -124,7 +124,7 @@ def _staging(place: Path, name: str) -> Iterator[Path]:
     """Create and lock a staging directory in ``place``; it is removed at the end unless it has been renamed."""
     staging = staging_directory(place, name)
     try:
-        with locked(staging):
+        with hold_lock(staging):
             yield staging
     finally:
         remove(staging)
@@ -226,7 +226,7 @@ def listed_files(directory: Path) -> list[str]:
     manifest = directory / MANIFEST
     try:
         entries = json.loads(manifest.read_text(encoding="utf-8"))["files"]
-        names = [str(PurePosixPath(_checked(name))) for name in entries]
+        names = [str(PurePosixPath(_check_path(name))) for name in entries]
     except (OSError, ValueError, KeyError, TypeError, InternalError):
         return [MANIFEST] if manifest.is_file() else []
     return [*names, MANIFEST]
@@ -242,7 +242,7 @@ def checksum(contents: Contents) -> str:
     return hashlib.sha256(as_bytes(contents)).hexdigest()
 
 
-def _checked(name: str) -> str:
+def _check_path(name: str) -> str:
     """Check that the path ``name`` stays below the output directory and return it; raises InternalError otherwise."""
     path = PurePosixPath(name)
     if path.is_absolute() or ".." in path.parts or not path.parts:

@@ -109,7 +109,7 @@ def as_computed(
 
     pending: dict[int, Task] = {}
 
-    def numbered() -> Iterator[tuple[int, Task]]:
+    def number_tasks() -> Iterator[tuple[int, Task]]:
         for k, task in enumerate(tasks):
             pending[k] = task
             yield k, task
@@ -118,10 +118,10 @@ def as_computed(
         return function(*shared, task)
 
     if cluster is None and isinstance(tasks, Sequence) and may_fork():
-        results = _forked(compute, dict(numbered()), jobs)
+        results = _compute_in_forks(compute, dict(number_tasks()), jobs)
     else:
         ahead = "all" if isinstance(tasks, Sequence) else f"{QUEUED_PER_WORKER}*n_jobs"
-        results = _by_joblib(function, numbered(), jobs, cluster, shared, ahead)
+        results = _by_joblib(function, number_tasks(), jobs, cluster, shared, ahead)
     try:
         for k, result in results:
             del pending[k]
@@ -139,7 +139,9 @@ def may_fork() -> bool:
         return False
 
 
-def _forked(compute: Callable[[Task], Result], tasks: dict[int, Task], jobs: int) -> Iterator[tuple[int, Result]]:
+def _compute_in_forks(
+    compute: Callable[[Task], Result], tasks: dict[int, Task], jobs: int
+) -> Iterator[tuple[int, Result]]:
     """Compute the tasks in this process and in forked ones, which inherit them: only results are pickled.
 
     This process takes tasks from the end, so that what it learns is shared with the processes of the next map.
@@ -154,7 +156,7 @@ def _forked(compute: Callable[[Task], Result], tasks: dict[int, Task], jobs: int
 
     def submit() -> None:
         with contextlib.suppress(IndexError):
-            pool.submit(_inherited, waiting.popleft()).add_done_callback(keep)
+            pool.submit(_compute_inherited, waiting.popleft()).add_done_callback(keep)
 
     def keep(future: Future[tuple[int, Result]]) -> None:
         finished.put(future)
@@ -191,7 +193,7 @@ def _inherit(compute: Callable[[Any], Any], tasks: dict[int, Any]) -> None:
     gc.disable()  # programs hold no reference cycles, and the search takes a tenth of the time
 
 
-def _inherited(index: int) -> tuple[int, Any]:
+def _compute_inherited(index: int) -> tuple[int, Any]:
     """Compute a task of a forked process."""
     compute, tasks = _inheritance
     return index, compute(tasks[index])
@@ -210,10 +212,10 @@ def _by_joblib(
 
     with _backend(jobs, cluster, shared):
         parallel = joblib.Parallel(return_as="generator_unordered", pre_dispatch=ahead, batch_size=1)
-        yield from parallel(joblib.delayed(_numbered)(function, k, *shared, task) for k, task in tasks)
+        yield from parallel(joblib.delayed(_compute_numbered)(function, k, *shared, task) for k, task in tasks)
 
 
-def _numbered(function: Callable[..., Result], index: int, *arguments: Any) -> tuple[int, Result]:
+def _compute_numbered(function: Callable[..., Result], index: int, *arguments: Any) -> tuple[int, Result]:
     return index, function(*arguments)
 
 

@@ -50,24 +50,24 @@ def text_table(
     if not rows:
         return []
     if width is None:
-        return _printed([[[cell] for cell in row] for row in rows], indent, rule, right)
+        return _table_lines([[[cell] for cell in row] for row in rows], indent, rule, right)
     room = width - len(indent)
     measures = [[MEASURE.sub(NO_BREAK, cell) for cell in row] for row in rows]
-    closed = [[CLOSED.sub(lambda found: found[0].replace(" ", NO_BREAK), cell) for cell in row] for row in measures]
+    closed = [[CLOSED.sub(lambda match: match[0].replace(" ", NO_BREAK), cell) for cell in row] for row in measures]
     for cells, unbroken in ((closed, WORD), (measures, WORD), (measures, PART_OF_NAME)):
-        widths = _folded(cells, room, unbroken)
+        widths = _folded_widths(cells, room, unbroken)
         if _total(widths) <= room:
-            return _printed(_wrapped(cells, widths, unbroken), indent, rule, right)
+            return _table_lines(_wrap_cells(cells, widths, unbroken), indent, rule, right)
     lines: list[str] = []
     for columns in _parts(_least(closed, WORD), room):
         part = [[row[k] for k in columns] for row in closed]
         aligned = [place for place, k in enumerate(columns) if k in right]
         lines += [""] * bool(lines)
-        lines += _printed(_wrapped(part, _folded(part, room, WORD), WORD), indent, rule, aligned)
+        lines += _table_lines(_wrap_cells(part, _folded_widths(part, room, WORD), WORD), indent, rule, aligned)
     return lines
 
 
-def folded(text: str, width: int | None) -> str:
+def fold_lines(text: str, width: int | None) -> str:
     """``text`` with its lines broken at blanks to ``width`` characters, continued two blanks deeper; None: as it is."""
     if width is None:
         return text
@@ -100,7 +100,7 @@ def _total(widths: Sequence[int]) -> int:
     return sum(widths) + len(GAP) * (len(widths) - 1)
 
 
-def _folded(rows: Rows, room: int, unbroken: re.Pattern[str]) -> list[int]:
+def _folded_widths(rows: Rows, room: int, unbroken: re.Pattern[str]) -> list[int]:
     """Widths of the columns in lines as long as ``room`` or as words allow; the widest columns are narrowed first."""
     widths, least = _natural(rows), _least(rows, unbroken)
     while (excess := _total(widths) - room) > 0:
@@ -115,11 +115,11 @@ def _folded(rows: Rows, room: int, unbroken: re.Pattern[str]) -> list[int]:
 
 def _parts(least: Sequence[int], room: int) -> list[list[int]]:
     """The columns of each part of a table: as few parts as fit, the widest of them as narrow as possible."""
-    fewest = len(_filled(least, room))
-    return next(parts for narrow in range(room + 1) if len(parts := _filled(least, narrow)) == fewest)
+    fewest = len(_fill_parts(least, room))
+    return next(parts for narrow in range(room + 1) if len(parts := _fill_parts(least, narrow)) == fewest)
 
 
-def _filled(least: Sequence[int], room: int) -> list[list[int]]:
+def _fill_parts(least: Sequence[int], room: int) -> list[list[int]]:
     """Parts filled one after the other with as many columns as there is room for, at least one besides the first."""
     parts = [[0]]
     for k in range(1, len(least)):
@@ -129,7 +129,7 @@ def _filled(least: Sequence[int], room: int) -> list[list[int]]:
     return parts
 
 
-def _wrapped(rows: Rows, widths: Sequence[int], unbroken: re.Pattern[str]) -> list[list[list[str]]]:
+def _wrap_cells(rows: Rows, widths: Sequence[int], unbroken: re.Pattern[str]) -> list[list[list[str]]]:
     """The lines of every cell of every row, wrapped to the widths of the columns."""
     return [[_cell(cell, width, unbroken) for cell, width in zip(row, widths, strict=True)] for row in rows]
 
@@ -146,11 +146,11 @@ def _cell(cell: str, width: int, unbroken: re.Pattern[str]) -> list[str]:
     return lines
 
 
-def _printed(wrapped: Sequence[list[list[str]]], indent: str, rule: bool, right: Collection[int]) -> list[str]:
+def _table_lines(wrapped: Sequence[list[list[str]]], indent: str, rule: bool, right: Collection[int]) -> list[str]:
     """All lines of a table of wrapped cells, with columns as wide as their longest line."""
     widths = [max(len(line) for cell in column for line in cell) for column in zip(*wrapped, strict=True)]
     first, *others = (_lines(cells, widths, indent, right) for cells in wrapped)
-    below = [indent + GAP.join("-" * each for each in widths)] if rule else []
+    below = [indent + GAP.join("-" * width for width in widths)] if rule else []
     return [*first, *below, *(line for lines in others for line in lines)]
 
 

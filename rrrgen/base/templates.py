@@ -58,7 +58,7 @@ def environment() -> Environment:
 
     return Environment(
         loader=FunctionLoader(template_text),
-        bytecode_cache=_translated(),
+        bytecode_cache=_bytecode_cache(),
         undefined=StrictUndefined,
         autoescape=False,  # the output is source code, not HTML
         keep_trailing_newline=True,
@@ -67,7 +67,7 @@ def environment() -> Environment:
     )
 
 
-def _translated() -> BytecodeCache:
+def _bytecode_cache() -> BytecodeCache:
     """A cache of compiled templates, which saves a tenth of the time in which a small robot is derived and emitted."""
     import jinja2
 

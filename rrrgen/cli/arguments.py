@@ -97,7 +97,10 @@ def flag_here(name: str) -> str:
     """The flag of the option ``name`` of the command that runs; the name itself if the command has none."""
     context = click.get_current_context(silent=True)
     options = () if context is None else context.command.params
-    return next((each.opts[-1] for each in options if isinstance(each, click.Option) and each.name == name), name)
+    return next(
+        (parameter.opts[-1] for parameter in options if isinstance(parameter, click.Option) and parameter.name == name),
+        name,
+    )
 
 
 def refuse(names: Iterable[str], reason: str) -> None:
@@ -113,7 +116,7 @@ def refuse(names: Iterable[str], reason: str) -> None:
 
 def only_beside(mode: str, *allowed: str) -> None:
     """Refuse all options but ``allowed``, which the command would ignore because the option ``mode`` is given."""
-    names = (str(each.name) for each in click.get_current_context().command.params)
+    names = (str(parameter.name) for parameter in click.get_current_context().command.params)
     refuse((name for name in names if name not in allowed), f"has no effect with {mode}")
 
 
@@ -281,10 +284,10 @@ def jobs_options(function: F) -> F:
 
 def print_repairs(repairs: Iterable[Repairs], as_json: bool = False) -> None:
     """Print the repairs of every recording; with ``as_json`` only the warnings, which go to stderr."""
-    for each in repairs:
-        for line in [] if as_json else each.lines():
+    for recording_repairs in repairs:
+        for line in [] if as_json else recording_repairs.lines():
             say(line)
-        for line in each.warnings():
+        for line in recording_repairs.warnings():
             click.echo(with_warning(line), err=True)
 
 

@@ -9,7 +9,7 @@ import click
 
 from rrrgen.base.errors import require
 from rrrgen.cli.arguments import jobs_options, json_option, output_option, print_json
-from rrrgen.cli.terminal import failed, progress_bar, say
+from rrrgen.cli.terminal import mark_failed, progress_bar, say
 
 
 @click.command()
@@ -73,6 +73,6 @@ def case_study(
                 f"{row['computed']['frequency']:.2f} Hz"
             )
     for failure in study.failures:
-        say(f"{failed('not reached:')} {failure}")
+        say(f"{mark_failed('not reached:')} {failure}")
     say(f"results and figures in {output}")
     return 1 if study.failures else 0

@@ -9,7 +9,7 @@ import click
 
 from rrrgen.base.parallel import without_collection
 from rrrgen.cli.arguments import Number, complete_robot, json_option, only_beside, print_json, read_with_warnings
-from rrrgen.cli.generate import chosen_unit, code_options, emitted, serialized_casadi, with_solver, work_options
+from rrrgen.cli.generate import chosen_unit, code_options, emit_files, serialized_casadi, with_solver, work_options
 from rrrgen.cli.terminal import progress_bar, say, verdict
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def certify(
         return statements(model.programs, proven, real)
 
     with progress_bar() as tell:
-        model, files = emitted(spec, real, trig, further, casadi, jobs, experiment, tell, bounds)
+        model, files = emit_files(spec, real, trig, further, casadi, jobs, experiment, tell, bounds)
     with progress_bar() as tell:
         compiled = load.compile(spec, "c", real)
         words = {*spec.emit, *further}
@@ -134,8 +134,8 @@ def certify(
         if value_analysis:
             unit = chosen_unit(model, experiment) if "controller" in words else None
             differential = bool({"control", "controller"} & words)
-            found, unanalysed = analysed_with_eva(model, unit, ranges, tell, differential)
-            tools, unchecked = tools | found, [*unchecked, *unanalysed]
+            analysis, unanalysed = analysed_with_eva(model, unit, ranges, tell, differential)
+            tools, unchecked = tools | analysis, [*unchecked, *unanalysed]
         else:
             unchecked = [*unchecked, ("run-time errors", "--value-analysis was not asked for")]
         tested, untested = _beyond_the_model(files, solver if solved else "")
@@ -206,9 +206,9 @@ def _beyond_the_model(files: dict[str, Any], solver: str) -> tuple[list[tuple[st
         return tested, [(f"rounding of {path}", f"self-test: {fault}") for path in beyond]
     for path in beyond:
         reason = next((why for end, why in _BEYOND.items() if path.endswith(end)), "loops: there is no rule for them")
-        found = checks_of(path, lines)
-        if found:
-            tested.append((f"rounding of {path}", reason, found))
+        sentence = checks_of(path, lines)
+        if sentence:
+            tested.append((f"rounding of {path}", reason, sentence))
         else:
             untested.append((f"rounding of {path}", reason))
     return tested, untested
@@ -229,19 +229,19 @@ def _check(directory: Path, robot: str | None, again: bool, as_json: bool) -> in
 
     if again and robot is None:
         raise click.UsageError("--again needs ROBOT: rrrgen certify ROBOT --check DIR --again")
-    found = disagreements(directory)
+    faults = disagreements(directory)
     content = _read(directory)
-    if robot is not None and not found:
+    if robot is not None and not faults:
         spec = read_with_warnings(robot)
-        found = another_robot(content, spec)
-        if again and not found:
+        faults = another_robot(content, spec)
+        if again and not faults:
             with progress_bar() as tell:
-                found = bounds_that_differ(content, spec, tell)
+                faults = bounds_that_differ(content, spec, tell)
     if as_json:
-        print_json({"directory": str(directory), "ok": not found, "disagreements": found})
+        print_json({"directory": str(directory), "ok": not faults, "disagreements": faults})
     else:
-        for fault in found:
+        for fault in faults:
             say(fault)
-        last = "code and certificate do not belong together" if found else "code and certificate belong together"
-        say(verdict(f"{content['robot']}: {last}", not found))
-    return 1 if found else 0
+        last = "code and certificate do not belong together" if faults else "code and certificate belong together"
+        say(verdict(f"{content['robot']}: {last}", not faults))
+    return 1 if faults else 0

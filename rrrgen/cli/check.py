@@ -8,7 +8,7 @@ import click
 
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.cli.arguments import complete_robot, json_option, print_json, read_robot
-from rrrgen.cli.terminal import failed, fault_text, passed, say
+from rrrgen.cli.terminal import fault_text, mark_failed, mark_passed, say
 
 if TYPE_CHECKING:
     from rrrgen.robot.spec import RobotSpec
@@ -48,7 +48,7 @@ def _check(file: str, strict: bool, quiet: bool) -> dict[str, Any]:
     if not quiet:
         for fault in faults:
             click.echo(fault_text(fault), err=True)
-        say(f"{file}: {passed('ok')} ({summary})" if ok else f"{file}: {failed(_count(faults))}")
+        say(f"{file}: {mark_passed('ok')} ({summary})" if ok else f"{file}: {mark_failed(_count(faults))}")
     return {"file": file, "ok": ok, "summary": summary, "faults": [_plain(fault) for fault in faults]}
 
 

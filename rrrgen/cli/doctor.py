@@ -15,7 +15,7 @@ import click
 
 from rrrgen.base.version import VERSION
 from rrrgen.cli.arguments import json_option, print_json
-from rrrgen.cli.terminal import doubtful, passed, say, terminal_width
+from rrrgen.cli.terminal import doubtful, mark_passed, say, terminal_width
 
 TOOLS = {
     "gcc": "compiles the emitted C",
@@ -70,7 +70,7 @@ def _print(findings: Sequence[DoctorLine]) -> None:
     indent = " " * (width + 10)
     columns = max(terminal_width() or 100, width + 40)
     for finding in findings:
-        mark = passed("ok     ") if finding.ok else doubtful("missing")
+        mark = mark_passed("ok     ") if finding.ok else doubtful("missing")
         first, *others = textwrap.wrap(finding.found, columns - len(indent), break_long_words=False)
         say(f"{mark} {finding.name:{width}}  {first}")
         for line in others:
@@ -109,8 +109,8 @@ def _compiler() -> DoctorLine:
 def _tools() -> Iterator[DoctorLine]:
     for program, use in TOOLS.items():
         path = shutil.which(program)
-        found = "not found" if path is None else _version([path, "--version"])
-        yield DoctorLine(program, found, path is not None, use)
+        state = "not found" if path is None else _version([path, "--version"])
+        yield DoctorLine(program, state, path is not None, use)
 
 
 def _version(command: list[str]) -> str:
@@ -124,15 +124,15 @@ def _version(command: list[str]) -> str:
 
 
 def _extras() -> Iterator[DoctorLine]:
-    from rrrgen.base.errors import EXTRAS, USES, installed
+    from rrrgen.base.errors import EXTRAS, USES, is_installed
 
     for extra, use in USES.items():
         modules = [module for module, needed in EXTRAS.items() if needed == extra]
-        missing = [module for module in modules if not installed(module)]
+        missing = [module for module in modules if not is_installed(module)]
         there = ", ".join(f"{module} {_distribution(module)}".strip() for module in modules if module not in missing)
         lacking = f"without {', '.join(missing)}; pip install 'rrrgen[{extra}]'"
-        found = there if not missing else f"{there}; {lacking}" if there else lacking
-        yield DoctorLine(f"extra {extra}", found, not missing, use)
+        state = there if not missing else f"{there}; {lacking}" if there else lacking
+        yield DoctorLine(f"extra {extra}", state, not missing, use)
 
 
 def _distribution(module: str) -> str:

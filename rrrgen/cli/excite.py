@@ -56,13 +56,13 @@ def excite_friction(
     with RunFolder(output, "excite", inputs, settings, experiment.seed, fresh) as folder:
         place = folder.write_json("friction_motion.json", motion.to_json())
         t = np.arange(round(motion.period / experiment.period)) * experiment.period
-        found = motion.evaluate(t)
+        trajectory = motion.evaluate(t)
         n = len(motion.centre)
         header = ("t", *(f"{name}{i + 1}" for name in ("q", "dq", "ddq") for i in range(n)))
-        folder.write_csv("friction_motion.csv", header, np.column_stack([t, *found]).tolist())
-        own = [part[:, motion.joint] for part in found]
-        folder.figure("friction_motion", plot_joint(t, own, f"joint {joint}"))
-    speeds = [float(np.sqrt(np.mean(own[1][half] ** 2))) for half in (t < 0.5 * duration, t >= 0.5 * duration)]
+        folder.write_csv("friction_motion.csv", header, np.column_stack([t, *trajectory]).tolist())
+        joint_motion = [part[:, motion.joint] for part in trajectory]
+        folder.figure("friction_motion", plot_joint(t, joint_motion, f"joint {joint}"))
+    speeds = [float(np.sqrt(np.mean(joint_motion[1][half] ** 2))) for half in (t < 0.5 * duration, t >= 0.5 * duration)]
     if as_json:
         print_json({"motion": str(place), "joint": joint, "seconds": motion.period, "rms_speeds": speeds})
     else:

@@ -36,7 +36,7 @@ class _WithTargets(click.Command):
         from rrrgen.exporting import exporters
 
         with formatter.section("Targets"):
-            formatter.write_dl([(each.name, _described(each)) for each in exporters().values()])
+            formatter.write_dl([(exporter.name, _describe(exporter)) for exporter in exporters().values()])
         with formatter.section("Platforms"):
             formatter.write_text(", ".join(PLATFORMS))
 
@@ -117,19 +117,19 @@ def export(
     places = []
     for target in targets:
         with working(f"writing files for {target}"):
-            found = export_robot(spec, target, values, options)
-        name = _alone(found.files, exporter_of(target), output)
-        places.append((found, name, output or Path(name or f"{spec.name}_{target}")))
+            exported = export_robot(spec, target, values, options)
+        name = _alone(exported.files, exporter_of(target), output)
+        places.append((exported, name, output or Path(name or f"{spec.name}_{target}")))
     there = [path for _, name, path in places if name is not None and path.exists()]
     if there and not force:
         hint = "--force overwrites it"
         raise InputError([Fault(str(path), 0, 0, "the file exists already", hint=hint) for path in there])
-    for found, name, path in places:
+    for exported, name, path in places:
         if name is not None:
-            write_file(path, found.files[name])
+            write_file(path, exported.files[name])
         else:
-            write(found.files, path)
-        for note in found.notes:
+            write(exported.files, path)
+        for note in exported.notes:
             click.echo(f"{path}: {note}", err=True)
         say(f"{path} written")
     for fault in unusable().values():
@@ -158,7 +158,7 @@ PACKAGES = {".fmu": True, ".whl": False}
 """Suffixes of packages that are complete in themselves, and whether they may have any name."""
 
 
-def _described(exporter: Exporter) -> str:
+def _describe(exporter: Exporter) -> str:
     """Describe a target for the help: its meaning, and the words that it accepts after ``--with``."""
     return exporter.meaning + (f"; --with {','.join(exporter.further)}" if exporter.further else "")
 

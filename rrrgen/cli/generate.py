@@ -115,7 +115,7 @@ def estimator_files_of(model: DerivedModel, options: dict[str, Any]) -> dict[str
 
     from rrrgen.emit.controller.online_estimators import EstimatorSettings, estimator_files, regression
 
-    setting = regression(model, _fixed(options["fix"]))
+    setting = regression(model, _parse_fixed_values(options["fix"]))
     given = {"forgetting": options["forgetting"], "rest": options["rest_speed"]}
     settings = EstimatorSettings(**{name: value for name, value in given.items() if value is not None})
     if options["torque_noise"] is not None:
@@ -164,7 +164,7 @@ def _gain(setting: Regression, options: dict[str, Any]) -> float:
     return chosen_gain(stated, bound)
 
 
-def _fixed(entries: tuple[str, ...]) -> dict[str, float]:
+def _parse_fixed_values(entries: tuple[str, ...]) -> dict[str, float]:
     fixed = {}
     for entry in entries:
         name, _, value = entry.partition("=")
@@ -253,12 +253,12 @@ def controller_files(model: DerivedModel, real: Real, options: dict[str, Any]) -
     return files
 
 
-def _chosen(options: dict[str, Any], joints: int) -> dict[str, Any]:
+def _controller_choices(options: dict[str, Any], joints: int) -> dict[str, Any]:
     """What the options choose of the controller: arguments of :func:`rrrgen.controller.table.unit_of` by name."""
     rate, given = options["rate"] or RATE, dict[str, tuple[float, ...]]()
     if options["tuning"] and "kalman" in (options["parts"] or ()):
         matrices = _kalman_matrices(options["tuning"], rate, joints)
-        given["kalman_gain"] = tuple(float(value) for each in matrices for value in each.k)
+        given["kalman_gain"] = tuple(float(value) for joint_matrices in matrices for value in joint_matrices.k)
     return {"modes": options["modes"], "parts": options["parts"], "period": 1.0 / rate, "given": given}
 
 
@@ -276,7 +276,7 @@ def _unit(model: DerivedModel, any_gravity: DerivedModel | None, chosen: dict[st
 def chosen_unit(model: DerivedModel, experiment: dict[str, Any]) -> ControllerUnit | None:
     """The controller that the options of :func:`controller_options` choose; None if it calls another model, that with
     gravity as an input."""
-    chosen = _chosen(experiment, model.spec.n)
+    chosen = _controller_choices(experiment, model.spec.n)
     return None if "any_gravity" in (chosen["parts"] or ()) else _unit(model, None, chosen)
 
 
@@ -290,7 +290,7 @@ def _motion(path: Path, joints: int) -> Program:
     if motion.n != joints:
         raise InputError(f"{path} moves {motion.n} joints, the robot has {joints}")
     program = fixed_fourier_program(motion.q0.tolist(), motion.a.tolist(), motion.b.tolist(), motion.base_frequency)
-    return program.described(name="evaluate")
+    return program.with_fields(name="evaluate")
 
 
 def _kalman(path: Path, rate: float, joints: int) -> Program:
@@ -299,7 +299,7 @@ def _kalman(path: Path, rate: float, joints: int) -> Program:
 
     matrices = _kalman_matrices(path, rate, joints)
     step = kalman_program([m.E.tolist() for m in matrices], [m.k.tolist() for m in matrices], 1.0 / rate)
-    return step.described(name="step")
+    return step.with_fields(name="step")
 
 
 def _kalman_matrices(path: Path, rate: float, joints: int) -> list[KalmanMatrices]:
@@ -315,13 +315,13 @@ def _friction(law: str, spec: RobotSpec) -> list[Program]:
     from rrrgen.robot.friction.programs import friction_program, friction_step_program
     from rrrgen.robot.model.drives import friction_surfaces
 
-    chosen, found = LAWS[law], friction_surfaces(spec)
+    chosen, directions = LAWS[law], friction_surfaces(spec)
     surfaces = None
-    if found is not None:
-        surfaces = {name: [w if type(w) is int else rational(w) for w in found[name]] for name in found}
-    programs = [friction_program(chosen, spec.n, surfaces).described(name=law)]
+    if directions is not None:
+        surfaces = {name: [w if type(w) is int else rational(w) for w in directions[name]] for name in directions}
+    programs = [friction_program(chosen, spec.n, surfaces).with_fields(name=law)]
     if chosen.step is not None:
-        programs.append(friction_step_program(chosen, spec.n, surfaces).described(name=f"{law}_step"))
+        programs.append(friction_step_program(chosen, spec.n, surfaces).with_fields(name=f"{law}_step"))
     return programs
 
 
@@ -334,7 +334,7 @@ GROUPS = ("control", "elastic", "hessian", "observer", "points", "tensors", "tim
 
 
 def code_options(function: F) -> F:
-    """Add the options that decide what the emitted files are; :func:`emitted` takes them."""
+    """Add the options that decide what the emitted files are; :func:`emit_files` takes them."""
     options = [
         real_option,
         click.option(
@@ -360,7 +360,7 @@ def code_options(function: F) -> F:
 
 
 def work_options(function: F) -> F:
-    """Add the remaining options that :func:`emitted` takes: serialized CasADi files, processes, experiments."""
+    """Add the remaining options that :func:`emit_files` takes: serialized CasADi files, processes, experiments."""
     options = [
         click.option(
             "--casadi-files/--no-casadi-files",
@@ -448,7 +448,7 @@ def generate(
         return statements(model.programs, rounding_entries(model, trig, Ranges(), tell=tell), real)
 
     with progress_bar() as tell:
-        model, files = emitted(
+        model, files = emit_files(
             spec, real, trig, further, with_casadi and not only_check, jobs, experiment, tell, proven
         )
     if verbose:
@@ -475,7 +475,7 @@ def with_solver(spec: RobotSpec, method: str | None) -> RobotSpec:
     return spec if method is None else replace(spec, ik=method)
 
 
-def emitted(
+def emit_files(
     spec: RobotSpec,
     real: Real,
     trig: Trig,
@@ -504,14 +504,14 @@ def emitted(
         raise click.UsageError("--rate belongs to --tuning, --estimator gradient or --with controller")
     needed = wanted | (set(UNIT_GROUPS) if "controller" in wanted else set())
     groups = ("model", *sorted(needed & set(GROUPS)))
-    languages = tuple(each for each in LANGUAGES if each in wanted)
+    languages = tuple(language for language in LANGUAGES if language in wanted)
     tell(0, 0, "deriving")
     model = derive_once(spec, groups, jobs=jobs, tell=tell)
     code = controller_files(model, real, experiment)
     code |= files_beside(spec, real, groups, trig)
     any_gravity = derive_once(spec.in_any_gravity(), groups, jobs=jobs, tell=tell) if "gravity" in wanted else None
     checks = checks_beside(spec, groups)
-    chosen = _chosen(experiment, spec.n) if "controller" in wanted else {}
+    chosen = _controller_choices(experiment, spec.n) if "controller" in wanted else {}
     if chosen:
         from rrrgen.controller.files import unit_check, unit_files
 
@@ -523,10 +523,12 @@ def emitted(
         from rrrgen.controller.files import rust_files
 
         files |= rust_files(unit, real)
-    return model, files | _exported(spec, real, further, chosen)
+    return model, files | _export_targets(spec, real, further, chosen)
 
 
-def _exported(spec: RobotSpec, real: Real, further: tuple[str, ...], chosen: dict[str, Any]) -> dict[str, Contents]:
+def _export_targets(
+    spec: RobotSpec, real: Real, further: tuple[str, ...], chosen: dict[str, Any]
+) -> dict[str, Contents]:
     """The files of those words ``further`` that are targets of ``rrrgen export``, each in a folder of its name.
 
     Those that hold the controller have it with the same modes, parts and defaults, ``chosen``.
@@ -538,8 +540,8 @@ def _exported(spec: RobotSpec, real: Real, further: tuple[str, ...], chosen: dic
 
         exporter = exporter_of(target)
         held = tuple(word for word in exporter.further if word in further)
-        own = chosen if "controller" in exporter.further else {}
-        options = ExportOptions(real=real if "real" in exporter.options else "double", further=held, chosen=own)
+        choices = chosen if "controller" in exporter.further else {}
+        options = ExportOptions(real=real if "real" in exporter.options else "double", further=held, chosen=choices)
         exported = export_robot(spec, target, options=options)
         files |= {f"{target}/{path}": contents for path, contents in exported.files.items()}
         for note in exported.notes:
@@ -552,9 +554,9 @@ def serialized_casadi(wanted: bool | None) -> bool:
 
     Raises MissingExtraError if they are requested and CasADi is missing.
     """
-    from rrrgen.base.errors import MissingExtraError, installed
+    from rrrgen.base.errors import MissingExtraError, is_installed
 
-    if wanted is False or installed("casadi"):
+    if wanted is False or is_installed("casadi"):
         return wanted is not False
     if wanted:
         raise MissingExtraError("--casadi-files", "casadi", "casadi")

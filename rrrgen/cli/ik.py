@@ -84,14 +84,14 @@ def ik(
         solver = load_solver(spec, backend=backend)
     chosen = {"limits": options["limits"], "redundancy": options["redundancy"]}
     if options["closest"]:
-        found = solver.closest(target, reference, **chosen)
+        solutions = solver.closest(target, reference, **chosen)
     else:
-        found = solver.solve(target, reference, sort="branch" if reference is None else "nearest", **chosen)
+        solutions = solver.solve(target, reference, sort="branch" if reference is None else "nearest", **chosen)
     if as_json:
-        print_json(_record(spec, solver, found))
+        print_json(_record(spec, solver, solutions))
     else:
-        _print(spec, solver, found)
-    return 0 if len(found) else 1
+        _print(spec, solver, solutions)
+    return 0 if len(solutions) else 1
 
 
 def _of_tip(
@@ -101,7 +101,7 @@ def _of_tip(
     import numpy as np
 
     from rrrgen.derive import prepare, record
-    from rrrgen.derive.functions.table import named
+    from rrrgen.derive.functions.table import get_function
     from rrrgen.program import evaluate
     from rrrgen.robot.model.mechanism import tip_arm
 
@@ -109,9 +109,9 @@ def _of_tip(
         known = ", ".join(spec.tips) or "none: name them under tips in the robot file"
         raise click.BadParameter(f"the robot has no tip '{tip}'; its tips are {known}", param_hint="--tip")
     arm = tip_arm(spec, tip)
-    own = None if reference is None else [reference[k] for k in arm.joints]
+    tip_reference = None if reference is None else [reference[k] for k in arm.joints]
     if not arm.shared:
-        return arm.spec, target, own
+        return arm.spec, target, tip_reference
     if reference is None:
         names = ", ".join(spec.joints[k].name for k in arm.shared)
         raise click.UsageError(f"--tip {tip} needs --near, which holds {names}, shared with other tips")
@@ -119,9 +119,9 @@ def _of_tip(
     pose[:3, 3] = target[:3, 3] if target.ndim == 2 else target
     pose[:3, :3] = target[:3, :3] if target.ndim == 2 else pose[:3, :3]
     name = f"{tip}_tip_target"
-    program = record(prepare(spec), (named(name),)).alternatives[name][0]
+    program = record(prepare(spec), (get_function(name),)).alternatives[name][0]
     (seen,) = evaluate(program, pose, np.array(reference))
-    return arm.spec, seen if target.ndim == 2 else seen[:3, 3], own
+    return arm.spec, seen if target.ndim == 2 else seen[:3, 3], tip_reference
 
 
 def _numbers(text: str, option: str, sizes: tuple[int, ...]) -> list[float]:
@@ -154,19 +154,21 @@ def _target(text: str) -> Any:
     return T
 
 
-def _record(spec: RobotSpec, solver: InverseKinematics, found: IKResult) -> dict[str, Any]:
+def _record(spec: RobotSpec, solver: InverseKinematics, solutions: IKResult) -> dict[str, Any]:
     return {
         "joints": [{"name": joint.name, "unit": "rad" if joint.is_revolute else "m"} for joint in spec.joints],
         "family": str(solver.plan.family),
         "max_solutions": solver.max_solutions,
         "incomplete": solver.plan.incomplete or None,
         "approach": solver.plan.approach or None,
-        "status": found.status,
-        "reason": found.reason,
-        "distance": found.distance,
+        "status": solutions.status,
+        "reason": solutions.reason,
+        "distance": solutions.distance,
         "solutions": [
             {"q": q.tolist(), "branch": solver.branch_names(branch), "flags": int(flags), "residual": float(residual)}
-            for q, branch, flags, residual in zip(found.q, found.branch, found.flags, found.residual, strict=True)
+            for q, branch, flags, residual in zip(
+                solutions.q, solutions.branch, solutions.flags, solutions.residual, strict=True
+            )
         ],
     }
 
@@ -177,24 +179,27 @@ def _headings(spec: RobotSpec) -> tuple[str, ...]:
     return ("#", *units, "branch", "remarks")
 
 
-def _print(spec: RobotSpec, solver: InverseKinematics, found: IKResult) -> None:
+def _print(spec: RobotSpec, solver: InverseKinematics, solutions: IKResult) -> None:
     from rrrgen.runtime.results import FREE, INEXACT, MULTIPLE, OUTSIDE
 
     words = {MULTIPLE: "multiple", FREE: "free angle from the reference", OUTSIDE: "outside limits", INEXACT: "inexact"}
     say(f"{solver.plan.family}: at most {solver.max_solutions} solutions")
     rows = [_headings(spec)]
-    for number, (q, branch, flags) in enumerate(zip(found.q, found.branch, found.flags, strict=True), 1):
+    for number, (q, branch, flags) in enumerate(zip(solutions.q, solutions.branch, solutions.flags, strict=True), 1):
         names = " ".join(f"{name}={value}" for name, value in solver.branch_names(branch).items())
         remarks = ", ".join(text for bit, text in words.items() if flags & bit)
         rows.append((str(number), *(f"{value:.6f}" for value in q), names, remarks))
-    if len(found):
+    if len(solutions):
         say("\n".join(text_table(rows, terminal_width(), right=range(1, spec.n + 1))))
-    if not len(found):
-        distance = f", {found.distance:.6g} m from reach" if found.distance > 0 else ""
-        say(f"{doubtful('no solution')}: {found.status}{': ' + found.reason if found.reason else ''}{distance}")
+    if not len(solutions):
+        distance = f", {solutions.distance:.6g} m from reach" if solutions.distance > 0 else ""
+        say(
+            f"{doubtful('no solution')}: {solutions.status}"
+            f"{': ' + solutions.reason if solutions.reason else ''}{distance}"
+        )
     if solver.plan.approach:
         say(solver.plan.approach)
     if solver.plan.incomplete:
         say(f"there may be more: {solver.plan.incomplete}")
-    elif found.status == "incomplete" and len(found):
-        say(found.reason)
+    elif solutions.status == "incomplete" and len(solutions):
+        say(solutions.reason)

@@ -21,7 +21,7 @@ class _WithFormats(click.Command):
         from rrrgen.robot.importers.importing import importers
 
         with formatter.section("Formats"):
-            formatter.write_dl([(each.name, each.meaning) for each in importers().values()])
+            formatter.write_dl([(importer.name, importer.meaning) for importer in importers().values()])
 
 
 @click.command(cls=_WithFormats)
@@ -89,21 +89,21 @@ def import_robot(
 
     fixed = {joint: parse_value(joint, value) for joint, value in (_pair(text, "--hold") for text in held)}
     chain = ChainChoice(base, tips[0] if tips else "", fixed, convention, angle_tolerance, tips[1:])
-    found = read(file, form, name, dict(_pair(value, "--set") for value in values), chain)
-    path = output or Path(f"{found.spec.name}.yaml")
+    imported = read(file, form, name, dict(_pair(value, "--set") for value in values), chain)
+    path = output or Path(f"{imported.spec.name}.yaml")
     if path.exists() and not force:
         raise InputError([Fault(str(path), 0, 0, "the file exists already", hint="--force overwrites it")])
-    write_file(path, found.text)
-    say(f"{path} written from {found.format}; next: rrrgen check {path}, rrrgen show {path}")
-    if found.chain is not None:
+    write_file(path, imported.text)
+    say(f"{path} written from {imported.format}; next: rrrgen check {path}, rrrgen show {path}")
+    if imported.chain is not None:
         from rrrgen.verify.references.imported_source import compare_with_source
 
-        say(str(compare_with_source(found)))
-    shapes = [note for note in found.notes if note.message.startswith(SHAPES)]
-    for note in found.notes if verbose else (note for note in found.notes if note not in shapes):
+        say(str(compare_with_source(imported)))
+    shapes = [note for note in imported.notes if note.message.startswith(SHAPES)]
+    for note in imported.notes if verbose else (note for note in imported.notes if note not in shapes):
         click.echo(fault_text(note), err=True)
     if shapes and not verbose:
-        click.echo(f"{_shapes_in(found.source)} left out (--verbose lists them)", err=True)
+        click.echo(f"{_shapes_in(imported.source)} left out (--verbose lists them)", err=True)
 
 
 SHAPES = ("<visual> is left out", "<collision> is left out")

@@ -25,7 +25,7 @@ from rrrgen.base.errors import (
 from rrrgen.base.version import VERSION
 from rrrgen.cli.arguments import flag_here
 from rrrgen.cli.commands import COMMANDS, FURTHER, GROUPS, RENAMED, further_commands, load_command, load_further_command
-from rrrgen.cli.terminal import Context, failed, fault_text, preference, say_error, usage_text
+from rrrgen.cli.terminal import Context, fault_text, mark_failed, preference, say_error, usage_text
 
 INTERRUPTED = 130
 
@@ -107,7 +107,7 @@ class LazyGroup(click.Group):
         known = self.list_commands(ctx)
         if word not in known and not word.startswith("-") and (self.prefix or word not in further_commands()):
             everywhere = {word: word for word in known} | ({} if self.prefix else RENAMED)
-            close = [each for each in everywhere if each.startswith(word)]
+            close = [command for command in everywhere if command.startswith(word)]
             close = close if len(close) == 1 else difflib.get_close_matches(word, everywhere, n=1)
             hint = f" Did you mean '{everywhere[close[0]]}'?" if close else ""
             ctx.fail(f"No such command '{word}'.{hint}")
@@ -219,7 +219,7 @@ def run(args: Sequence[str] | None = None, prog_name: str = "rrrgen", command: c
 
 
 def _message(text: str) -> str:
-    return f"{failed('rrrgen:')} {text}"
+    return f"{mark_failed('rrrgen:')} {text}"
 
 
 def _internal(error: Exception) -> int:

@@ -54,7 +54,7 @@ def new(name: str, output: Path | None, joints: str, convention: str, bundled: s
     path = output or Path(f"{name}.yaml")
     if path.exists() and not force:
         raise InputError([Fault(str(path), 0, 0, "the file exists already", hint="--force overwrites it")])
-    text = _renamed(bundled, name) if bundled else _template(name, joints.upper(), convention)
+    text = _rename_robot(bundled, name) if bundled else _template(name, joints.upper(), convention)
     loads_spec(text, str(path))  # what is written is valid, or nothing is written
     write_file(path, text)
     say(f"{path} written; next: rrrgen check {path}, rrrgen show {path}")
@@ -81,7 +81,7 @@ def _template(name: str, joints: str, convention: str) -> str:
     )
 
 
-def _renamed(bundled: str, name: str) -> str:
+def _rename_robot(bundled: str, name: str) -> str:
     from rrrgen.robot.file import bundled_path
 
     lines = bundled_path(bundled).read_text(encoding="utf-8").splitlines()

@@ -151,7 +151,7 @@ def build(folder: Path, runtime: Path, robots: Sequence[str] = ()) -> None:
     """
     from rrrgen.base.templates import template_text
     from rrrgen.controller.table import MODES, PARTS
-    from rrrgen.emit.html.playground import prepared
+    from rrrgen.emit.html.playground import precompute
     from rrrgen.robot.file.fields import EMIT
     from rrrgen.robot.robots import bundled_names, bundled_path
 
@@ -170,7 +170,7 @@ def build(folder: Path, runtime: Path, robots: Sequence[str] = ()) -> None:
     texts = {name: bundled_path(name).read_text(encoding="utf-8") for name in robots or bundled_names()}
     for name, text in {**texts, "my_arm": OWN}.items():
         click.echo(f"deriving {name}", err=True)
-        content = json.dumps(prepared(text), separators=(",", ":"))
+        content = json.dumps(precompute(text), separators=(",", ":"))
         (folder / "robots" / f"{name}.json").write_text(content, encoding="utf-8", newline="\n")
     controller = {"modes": {mode.name: mode.text for mode in MODES}, "parts": PARTS}
     offered = json.dumps({"robots": [*texts, "my_arm"], "with": EMIT, "controller": controller})

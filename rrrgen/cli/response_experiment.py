@@ -100,7 +100,7 @@ def simulate_response_runs(
         margin = response_margin(experiment, model, design)
         prismatic = not spec.joints[design.joint].is_revolute
         paths = write_responses(folder.path / "results", design, signals, controller, prismatic)
-    clipped = {each.run.name: each.clipped for each in signals if each.clipped}
+    clipped = {loop_signals.run.name: loop_signals.clipped for loop_signals in signals if loop_signals.clipped}
     for name, count in clipped.items():
         click.echo(
             f"{doubtful('warning:')} {name}: {count} torques are clipped, so the loop is not linear; lower the rms",
@@ -114,7 +114,7 @@ def simulate_response_runs(
             err=True,
         )
     if as_json:
-        names = [each.run.name for each in signals]
+        names = [loop_signals.run.name for loop_signals in signals]
         print_json(
             {
                 "responses": [str(path) for path in paths],

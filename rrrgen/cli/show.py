@@ -24,7 +24,7 @@ from rrrgen.cli.html import html_option, read_motions, write_html
 from rrrgen.cli.terminal import progress_bar, say, terminal_width, with_headings
 from rrrgen.derive.parameters.listing import ParameterListing, listing
 from rrrgen.derive.recursions.loop_positions import LoopClosure
-from rrrgen.emit.html.robot_facts import data, in_words, measured, not_stated, tables
+from rrrgen.emit.html.robot_facts import data, in_units, in_words, not_stated, tables
 from rrrgen.program import count_operations, evaluate_floats
 from rrrgen.robot.model import build_model
 from rrrgen.robot.model.drives import coupling_equations, motor_facts
@@ -55,7 +55,7 @@ def as_text(model: DerivedModel, width: int | None = None) -> str:
 
     Lines are folded to ``width`` characters; None leaves them as long as they are.
     """
-    lines = stated(model.spec, width)
+    lines = robot_file_lines(model.spec, width)
     lines += ["", "Pose of the tip at q = 0, in the base frame; lengths in m"]
     pose = zero_pose(model)
     lines += [f"  {'  '.join(f'{value:10.6f}' for value in row)}" for row in pose]
@@ -73,7 +73,7 @@ def as_text(model: DerivedModel, width: int | None = None) -> str:
     return "\n".join(lines) + "\n\n"
 
 
-def stated(spec: RobotSpec, width: int | None = None) -> list[str]:
+def robot_file_lines(spec: RobotSpec, width: int | None = None) -> list[str]:
     """The lines of :func:`as_text` about what the robot file states, up to the links."""
     lines = [f"{spec.name}: {spec.description or 'serial robot'}", *_facts(spec, width), ""]
     lines += ["Denavit-Hartenberg table, exact and in both units at the nominal parameters"]
@@ -114,18 +114,18 @@ def as_data(model: DerivedModel, closed_forms: dict[str, Any], inverse: InverseF
     }
 
 
-def _described_inverse_kinematics(found: InverseForm | str | None) -> dict[str, Any] | None:
+def _described_inverse_kinematics(form: InverseForm | str | None) -> dict[str, Any] | None:
     """Data about the inverse kinematics: family, singularities and steps, or the reason why there is no closed form."""
-    if found is None or isinstance(found, str):
-        return None if found is None else {"reason": found}
+    if form is None or isinstance(form, str):
+        return None if form is None else {"reason": form}
     return {
-        "family": found.plan.family,
-        "title": found.plan.title,
-        "max_solutions": found.plan.max_solutions,
-        "redundancy": found.plan.redundancy or None,
-        "incomplete": found.plan.incomplete or None,
-        "singular": [item.words if item.expression is None else str(item.expression) for item in found.singularities],
-        "steps": [step.text() for step in found.steps],
+        "family": form.plan.family,
+        "title": form.plan.title,
+        "max_solutions": form.plan.max_solutions,
+        "redundancy": form.plan.redundancy or None,
+        "incomplete": form.plan.incomplete or None,
+        "singular": [item.words if item.expression is None else str(item.expression) for item in form.singularities],
+        "steps": [step.text() for step in form.steps],
     }
 
 
@@ -217,7 +217,7 @@ def _in_both(spec: RobotSpec, value: sp.Expr, unit: str) -> str:
     nominal = float(spec.nominal(value))
     if value.is_Rational:
         return in_words(nominal, unit)
-    return f"{value} ({', '.join(f'{number:.6g} {name}' for name, number in measured(nominal, unit).items())})"
+    return f"{value} ({', '.join(f'{number:.6g} {name}' for name, number in in_units(nominal, unit).items())})"
 
 
 def _angle(spec: RobotSpec, value: sp.Expr) -> str:
@@ -246,7 +246,7 @@ def _joint(spec: RobotSpec, joint: JointSpec) -> dict[str, Any]:
 def _exact(spec: RobotSpec, value: sp.Expr, unit: str) -> dict[str, Any]:
     """Data for JSON about an exact value: its expression, and its nominal value in SI and in the second unit."""
     nominal = float(spec.nominal(value))
-    return {"exact": str(value), "nominal": nominal, **measured(nominal, unit)}
+    return {"exact": str(value), "nominal": nominal, **in_units(nominal, unit)}
 
 
 def _parameters(parameters: ParameterListing, width: int | None) -> list[str]:
@@ -263,8 +263,8 @@ def _regrouping(model: DerivedModel, width: int | None) -> list[str]:
     lines = []
     for reason, formulas in reasons.items():
         lines += text_table([(reason,)], width)
-        found = [f"{', '.join(parameters)}: {formula}" for formula, parameters in formulas.items()]
-        lines += [line for text in found for line in text_table([(text,)], width, indent=" " * 4)]
+        texts = [f"{', '.join(parameters)}: {formula}" for formula, parameters in formulas.items()]
+        lines += [line for text in texts for line in text_table([(text,)], width, indent=" " * 4)]
     return lines
 
 
@@ -338,7 +338,7 @@ def show(
       rrrgen show ur10e --html ur10e.html
       rrrgen show rrr --html rrr.html --motion runs/experiment/results/log.yaml --run runs/identified
     """
-    from rrrgen.derive import derive_once, parametrized, prepare
+    from rrrgen.derive import derive_once, parametrize_robot, prepare
 
     if as_latex and as_json:
         raise click.UsageError("give one of --latex and --json")
@@ -373,7 +373,7 @@ def show(
     if as_json:
         print_json(as_data(derive_once(spec), {name: _plain(form) for name, form in forms.items()}, inverse))
     elif as_latex:
-        click.echo(_as_latex(parametrized(derivation), forms, inverse), nl=False)
+        click.echo(_as_latex(parametrize_robot(derivation), forms, inverse), nl=False)
     else:
         text = "" if functions else with_headings(as_text(derive_once(spec), terminal_width()))
         text += "" if functions else _solvers_of_tips(spec)
@@ -400,7 +400,7 @@ def _show_programs(robot: str, functions: tuple[str, ...], recorded: bool, as_js
     if as_json:
         print_json({"programs": texts})
     else:
-        click.echo("\n".join(text for each in texts.values() for text in each), nl=False)
+        click.echo("\n".join(text for dumps in texts.values() for text in dumps), nl=False)
 
 
 def _solver(spec: RobotSpec) -> str:
@@ -408,10 +408,12 @@ def _solver(spec: RobotSpec) -> str:
     from rrrgen.base.errors import DerivationError
     from rrrgen.ik.classify import plan
 
-    found = plan(spec)
-    if found.solver is None:
-        raise DerivationError(f"{spec.name}: {found.reason or found.title}; there is no closed form to show")
-    return found.solver.dump()
+    solver_plan = plan(spec)
+    if solver_plan.solver is None:
+        raise DerivationError(
+            f"{spec.name}: {solver_plan.reason or solver_plan.title}; there is no closed form to show"
+        )
+    return solver_plan.solver.dump()
 
 
 def _solvers_of_tips(spec: RobotSpec) -> str:
@@ -435,8 +437,8 @@ def _inverse_kinematics(spec: RobotSpec, asked: bool, short: bool) -> InverseFor
             if asked:
                 raise
             return f"inverse kinematics: none; {error}"
-    found = plan(spec)
-    return summary(found) if found.solvable else f"inverse kinematics: none; {found.reason}"
+    solver_plan = plan(spec)
+    return summary(solver_plan) if solver_plan.solvable else f"inverse kinematics: none; {solver_plan.reason}"
 
 
 def _as_latex(robot: ParametrizedRobot, forms: Mapping[str, Form], inverse: InverseForm | str | None) -> str:

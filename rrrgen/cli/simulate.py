@@ -17,7 +17,7 @@ from rrrgen.cli.arguments import (
 )
 from rrrgen.cli.response_experiment import simulate_response_runs
 from rrrgen.cli.study_options import click_options
-from rrrgen.cli.terminal import failed, progress_bar, say, terminal_width
+from rrrgen.cli.terminal import mark_failed, progress_bar, say, terminal_width
 from rrrgen.lab.studies.simulate import SimulateOptions
 
 
@@ -90,7 +90,7 @@ def simulate(
             findings=FindingsPrinter(as_json),
         )
     for line in result.failures:
-        click.echo(f"{failed('FAIL')} {line}", err=True)
+        click.echo(f"{mark_failed('FAIL')} {line}", err=True)
     log = output / "results" / "log.yaml"
     if as_json:
         print_json({"log": str(log), **result.to_json()})

@@ -33,7 +33,7 @@ def click_options(kind: type[StudyOptions]) -> Callable[[F], F]:
     """
     fields = {entry.name: entry for entry in option_fields(kind) if entry.about.command}
 
-    def shown(name: str) -> str:
+    def flag_name(name: str) -> str:
         return flags_of(fields[name])[-1] if name in fields else name
 
     def decorate(function: F) -> F:
@@ -45,12 +45,12 @@ def click_options(kind: type[StudyOptions]) -> Callable[[F], F]:
                     return function(options=with_changes(kind, None, given), **values)
             except OptionError as error:
                 if error.option in fields:
-                    raise click.BadParameter(str(error), param_hint=shown(error.option)) from None
+                    raise click.BadParameter(str(error), param_hint=flag_name(error.option)) from None
                 raise click.UsageError(str(error)) from None
 
         decorated: Any = command
         for entry in reversed(fields.values()):
-            decorated = click_option(entry, shown)(decorated)
+            decorated = click_option(entry, flag_name)(decorated)
         return decorated  # type: ignore[no-any-return]
 
     return decorate
@@ -60,8 +60,8 @@ def recording_options(kind: type[StudyOptions], *more: Callable[[Any], Any]) -> 
     """Add the arguments of a study of recordings: ROBOT, ``--log``, ``more`` options, the folder, those of ``kind``."""
 
     def decorate(function: F) -> F:
-        own: Callable[[F], F] = click_options(kind)
-        function = truncated_option(output_option(own(fresh_option(json_option(function)))))
+        decorator: Callable[[F], F] = click_options(kind)
+        function = truncated_option(output_option(decorator(fresh_option(json_option(function)))))
         for option in reversed((robot_argument, log_option, *more)):
             function = option(function)
         return function

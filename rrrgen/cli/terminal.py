@@ -16,7 +16,7 @@ import click
 
 from rrrgen.base.errors import Fault
 from rrrgen.base.parallel import Tell
-from rrrgen.base.tables import folded
+from rrrgen.base.tables import fold_lines
 
 # ------------------------------------------------------------------------------------------------------------------
 # Colours of faults, verdicts and headings on a terminal; a pipe or a file gets the same text without colours.
@@ -62,15 +62,15 @@ def usage_text(error: click.ClickException) -> str:
     """The text that click prints for wrong usage, with its "Error:" in colour."""
     shown = io.StringIO()
     error.show(file=shown)
-    return shown.getvalue().rstrip("\n").replace("Error:", failed("Error:"), 1)
+    return shown.getvalue().rstrip("\n").replace("Error:", mark_failed("Error:"), 1)
 
 
-def passed(text: str) -> str:
+def mark_passed(text: str) -> str:
     """Colour ``text`` green, as a passed check."""
     return click.style(text, fg="green")
 
 
-def failed(text: str) -> str:
+def mark_failed(text: str) -> str:
     """Colour ``text`` red, as a failed check."""
     return click.style(text, fg="red", bold=True)
 
@@ -82,7 +82,7 @@ def doubtful(text: str) -> str:
 
 def verdict(text: str, ok: bool) -> str:
     """Colour ``text`` as a passed (``ok``) or failed check."""
-    return passed(text) if ok else failed(text)
+    return mark_passed(text) if ok else mark_failed(text)
 
 
 def with_headings(text: str) -> str:
@@ -97,7 +97,7 @@ def with_warning(text: str) -> str:
 
 def with_failures(text: str) -> str:
     """Colour every word FAIL in ``text`` red."""
-    return re.sub(r"\bFAIL\b", lambda word: failed(word[0]), text)
+    return re.sub(r"\bFAIL\b", lambda word: mark_failed(word[0]), text)
 
 
 class Formatter(click.HelpFormatter):
@@ -174,7 +174,7 @@ def terminal_width() -> int | None:
 def say(*texts: str) -> None:
     """Print lines or paragraphs on stdout, folded to the width of the terminal."""
     for text in texts:
-        click.echo(folded(text, terminal_width()))
+        click.echo(fold_lines(text, terminal_width()))
 
 
 # ------------------------------------------------------------------------------------------------------------------

@@ -85,11 +85,11 @@ def verify(
             report = replace(report, rows=(*report.rows, *rows), skipped=(*report.skipped, *skipped))
     if html is not None:
         write_html(html, derive_once(spec), report)
-    click.echo(report.to_json() if as_json else _coloured(report), nl=False)
+    click.echo(report.to_json() if as_json else _colour_report(report), nl=False)
     return 0 if report.ok else 1
 
 
-def _coloured(report: Report) -> str:
+def _colour_report(report: Report) -> str:
     """Print the report as text, with failures and the verdict in its last line in colour."""
     *table, last = report.to_text(terminal_width()).splitlines()
     return "\n".join([*map(with_failures, table), verdict(last, report.ok)]) + "\n"

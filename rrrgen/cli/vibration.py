@@ -22,16 +22,16 @@ AGAINST = ("resonances", "antiresonances")
 
 def _modes(ctx: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> tuple[tuple[float, float], ...]:
     """Parse the option ``--mode HZ:DAMPING``, which may be repeated, to pairs (frequency in Hz, damping ratio)."""
-    found = []
+    modes = []
     for value in values:
         match = re.fullmatch(r"\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*:\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*", value)
         try:
-            found.append((float(match[1]), float(match[2])) if match else None)
+            modes.append((float(match[1]), float(match[2])) if match else None)
         except ValueError:
-            found.append(None)
-        if found[-1] is None:
+            modes.append(None)
+        if modes[-1] is None:
             raise click.BadParameter(f"'{value}' is no mode, e.g. 28:0.05 for 28 Hz and damping 0.05", ctx, parameter)
-    return tuple(each for each in found if each is not None)
+    return tuple(mode for mode in modes if mode is not None)
 
 
 @click.command()
@@ -136,7 +136,7 @@ def vibration(model: Path | None, output: Path, as_json: bool, **options: Any) -
         print_json(plain(record))
     else:
         _print(record)
-    return 1 if any(each.get("left", 0.0) > 1.01 * tolerance for each in record["vibrations"]) else 0
+    return 1 if any(row.get("left", 0.0) > 1.01 * tolerance for row in record["vibrations"]) else 0
 
 
 def _vibrations(model: Path | None, options: dict[str, Any]) -> tuple[list[Vibration], float, list[float]]:
@@ -158,17 +158,20 @@ def _vibrations(model: Path | None, options: dict[str, Any]) -> tuple[list[Vibra
     left_out = (
         []
         if against != "resonances"
-        else [mode.frequency for each in models for mode in each.resonances if mode.unknown]
+        else [mode.frequency for response_model in models for mode in response_model.resonances if mode.unknown]
     )
-    models = [replace(each, resonances=tuple(m for m in each.resonances if not m.unknown)) for each in models]
-    found = [
+    models = [
+        replace(response_model, resonances=tuple(m for m in response_model.resonances if not m.unknown))
+        for response_model in models
+    ]
+    vibrations = [
         Vibration(tuple(mode.frequencies.tolist()), tuple(mode.dampings.tolist()))
         for mode in modes_over_postures(models, against)
     ]
     low, high = options["band"] or (0.0, float("inf"))
-    chosen = [each for each in found if low <= each.frequency <= high]
+    chosen = [vibration for vibration in vibrations if low <= vibration.frequency <= high]
     if not chosen:
-        others = ", ".join(f"{each.frequency:.4g} Hz" for each in found) or "none at all"
+        others = ", ".join(f"{vibration.frequency:.4g} Hz" for vibration in vibrations) or "none at all"
         raise DerivationError(f"{model} has no {against} between {low:g} and {high:g} Hz; it has {others}")
     return chosen, models[0].period, left_out
 
@@ -180,10 +183,10 @@ def _record(
     from rrrgen.lab.vibration import phase_lag
 
     rows: list[dict[str, Any]] = []
-    for i, each in enumerate(vibrations):
-        row: dict[str, Any] = {"frequencies": each.frequencies, "dampings": each.dampings}
+    for i, vibration in enumerate(vibrations):
+        row: dict[str, Any] = {"frequencies": vibration.frequencies, "dampings": vibration.dampings}
         if shaper is not None:
-            row |= {"shaper": shaper.kinds[i], "left": shaper.worst_residual(each)}
+            row |= {"shaper": shaper.kinds[i], "left": shaper.worst_residual(vibration)}
         if notches:
             row |= {"notch": {"width": notches[i].width, "peak": notches[i].peak}}
         rows.append(row)
@@ -195,7 +198,7 @@ def _record(
             "duration": shaper.length * period,
         }
     if notches:
-        record["notches"] = [{"numerator": each.numerator, "denominator": each.denominator} for each in notches]
+        record["notches"] = [{"numerator": notch.numerator, "denominator": notch.denominator} for notch in notches]
         if crossover is not None:
             record["phase_lag"] = {"frequency": crossover, "degrees": phase_lag(notches, crossover)}
     return record
@@ -211,20 +214,20 @@ def _code(shaper: Shaper | None, notches: list[Notch], period: float, real: Any)
         files |= tap_files("vibration_shaper", title, shaper.delays, shaper.weights, period, real)
     if notches:
         title = f"{len(notches)} notch filter{'s' if len(notches) > 1 else ''}"
-        step = linear_step_program([each.state_space() for each in notches], period, "step", title)
+        step = linear_step_program([notch.state_space() for notch in notches], period, "step", title)
         files |= function_files("vibration_notch", title, [step], real)
     return files
 
 
 def _print(record: dict[str, Any]) -> None:
-    for each in record["vibrations"]:
-        low, high, n = min(each["frequencies"]), max(each["frequencies"]), len(each["frequencies"])
+    for row in record["vibrations"]:
+        low, high, n = min(row["frequencies"]), max(row["frequencies"]), len(row["frequencies"])
         frequencies = f"{low:.4g} Hz" if low == high else f"{low:.4g} to {high:.4g} Hz in {n} postures"
         parts = [frequencies]
-        if "shaper" in each:
-            parts.append(f"shaper {each['shaper']} leaves {100 * each['left']:.1f} %")
-        if "notch" in each:
-            parts.append(f"notch of width {each['notch']['width']:.3g} leaves a peak of {each['notch']['peak']:.3g}")
+        if "shaper" in row:
+            parts.append(f"shaper {row['shaper']} leaves {100 * row['left']:.1f} %")
+        if "notch" in row:
+            parts.append(f"notch of width {row['notch']['width']:.3g} leaves a peak of {row['notch']['peak']:.3g}")
         say("; ".join(parts))
     for frequency in record["left_out"]:
         say(f"{frequency:.4g} Hz is left out: the recording hardly determines it (--mode states modes)")

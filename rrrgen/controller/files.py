@@ -121,7 +121,7 @@ def unit_files(unit: ControllerUnit, real: Real, trig: Trig = "inline") -> dict[
     if calls.own:
         title = f"functions of {dialect.prefix}.c that {unit.model.spec.name}.h does not have"
         files |= function_files(calls.own_prefix, title, list(calls.own.values()), real, sincos_strategy(trig))
-    description = described(unit, real, laid)
+    description = describe_unit(unit, real, laid)
     return files | {f"{dialect.prefix}.json": json.dumps(description, indent=1, allow_nan=False) + "\n"}
 
 
@@ -131,7 +131,7 @@ def standalone_files(
     """The unit with all that it calls: of the model only these functions, and ``further`` ones of it."""
     name = unit.model.spec.name
     called = {program.name: program for program in (*called_programs(unit), *further)}
-    of_model = [called[each] for each in called.keys() - own_programs(unit).keys()]
+    of_model = [called[function] for function in called.keys() - own_programs(unit).keys()]
     files = function_files(
         name,
         f"functions of {name} for its controller",
@@ -160,7 +160,7 @@ def unit_code(
     """The code of :func:`derived_unit`, for a package that holds the robot's model."""
     unit = derived_unit(spec, further, **(chosen or {}))
     python = Path(__file__).with_name("python_class.py").read_text(encoding="utf-8")
-    return UnitCode(unit_files(unit, real), described(unit, real), python)
+    return UnitCode(unit_files(unit, real), describe_unit(unit, real), python)
 
 
 def unit_check(unit: ControllerUnit) -> SelfTestCheck:
@@ -181,7 +181,7 @@ def unit_check(unit: ControllerUnit) -> SelfTestCheck:
     return SelfTestCheck("controller", f"{robot}_controller.h", text, digested=True)
 
 
-def described(unit: ControllerUnit, real: Real, laid: Structs | None = None) -> dict[str, Any]:
+def describe_unit(unit: ControllerUnit, real: Real, laid: Structs | None = None) -> dict[str, Any]:
     """Describe the unit for programs in other languages, as pure data: modes, status, phases, and structs with fields.
 
     An infinite number is the string "inf" or "-inf".

@@ -68,24 +68,24 @@ def structs(unit: ControllerUnit, real: Real, proposed: dict[str, tuple[float, .
     width = REAL_BYTES[real]
     p = _struct("params", parameters(unit, proposed), width, 16)
     i, o = _struct("input", inputs(unit), width), _struct("output", outputs(unit), width)
-    m, d = _struct("memory", memory(unit), width), _struct("derived", derived(unit), width)
+    m, d = _struct("memory", memory(unit), width), _struct("derived", derived_fields(unit), width)
     state = _up(_up(p.size + m.size + d.size, 4) + 4 * len(COUNTERS), 8)
     text = repr([(s.name, [(q.field.name, q.field.count, q.offset) for q in s.places]) for s in (p, i, o, m, d)])
     abi = int(hashlib.sha256(f"{real} {unit.modes} {unit.parts} {text}".encode()).hexdigest()[:8], 16)
     return Structs(p, i, o, m, d, state, abi)
 
 
-def derived(unit: ControllerUnit) -> list[Field]:
+def derived_fields(unit: ControllerUnit) -> list[Field]:
     """The reals of the state that are computed from parameters when these are set."""
-    found = [
+    fields = [
         Field("blend_left", 1, "", "share of the bump that a period leaves", array=False),
         Field("fade_left", 1, "", "share of the fading torque that a period leaves", array=False),
     ]
     if unit.has("differences"):
-        found.append(Field("speed_left", 1, "", "share of the last speed that a period leaves", array=False))
+        fields.append(Field("speed_left", 1, "", "share of the last speed that a period leaves", array=False))
     if unit.has("observer"):
-        found.append(Field("decay", 1, "", "share of the estimated torques that a period leaves"))
-    return [*found, Field("beta_loaded", unit.model.beta_size, "SI", "base parameters with the payload")]
+        fields.append(Field("decay", 1, "", "share of the estimated torques that a period leaves"))
+    return [*fields, Field("beta_loaded", unit.model.beta_size, "SI", "base parameters with the payload")]
 
 
 def _struct(name: str, fields: Sequence[Field], width: int, start: int = 0) -> StructLayout:

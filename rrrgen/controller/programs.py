@@ -12,7 +12,7 @@ from rrrgen.derive.recursions.link_frames import rational
 from rrrgen.emit.controller.online_estimators import safe_step
 from rrrgen.program import Builder, Op, Port, Program, Role
 from rrrgen.program.builder import Value, replay
-from rrrgen.program.sharing import shared
+from rrrgen.program.sharing import share_values
 from rrrgen.robot.model.drives import inertia_terms
 
 ESTIMATOR = "estimator"
@@ -26,19 +26,21 @@ DECAY = "decay"
 
 def own_programs(unit: ControllerUnit) -> dict[str, Program]:
     """The functions that are printed beside the unit, by name; those of them that the model has too replace it."""
-    found = {}
+    programs = {}
     if not unit.has("friction"):
-        found = {p.name: without_friction(p) for p in called_programs(unit) if p.takes(Role.FRICTION)}
+        programs = {p.name: without_friction(p) for p in called_programs(unit) if p.takes(Role.FRICTION)}
     if unit.has("estimator"):
-        found[ESTIMATOR] = estimator_program(unit)
+        programs[ESTIMATOR] = estimator_program(unit)
     if unit.has("observer"):
-        both = {name: found.get(name, unit.model.programs[name]) for name in ("momentum_observer", "contact")}
-        found |= shared(both, DECAY, ("gain", "Ts"), (Op.EXP,), "The share of an estimate that a period leaves.")
+        both = {name: programs.get(name, unit.model.programs[name]) for name in ("momentum_observer", "contact")}
+        programs |= share_values(
+            both, DECAY, ("gain", "Ts"), (Op.EXP,), "The share of an estimate that a period leaves."
+        )
     if unit.has("observer") or unit.has("estimator"):
         laws = {unit.law(mode) for mode in unit.modes} - {"", "gravity"}
-        every = {name: unit.model.programs[name] for name in sorted(laws)} | found
-        found |= shared(every, SINES, ("q",), (Op.SIN, Op.COS), "Sines and cosines of the positions.")
-    return found
+        every = {name: unit.model.programs[name] for name in sorted(laws)} | programs
+        programs |= share_values(every, SINES, ("q",), (Op.SIN, Op.COS), "Sines and cosines of the positions.")
+    return programs
 
 
 def called_programs(unit: ControllerUnit) -> list[Program]:
@@ -85,15 +87,15 @@ def estimator_program(unit: ControllerUnit) -> Program:
             ("beta", size, "SI", "parameters", Role.BASE_PARAMETERS),
         )
     }
-    (torques,) = _recorded(builder, model.programs["inverse_dynamics"], known)
+    (torques,) = _record(builder, model.programs["inverse_dynamics"], known)
     if unit.has("friction") and friction_parameters(model.spec):
-        (friction,) = _recorded(builder, model.programs["smooth_friction"], {**known, "tau_load": known["tau"]})
+        (friction,) = _record(builder, model.programs["smooth_friction"], {**known, "tau_load": known["tau"]})
         torques = [a + b for a, b in zip(torques, friction, strict=True)]
     e = [
         builder.select(builder.abs(dq) - rest, model_torque - tau, 0)
         for dq, rest, model_torque, tau in zip(known["dq"], known["rest"], torques, known["tau"], strict=True)
     ]
-    (links,) = _recorded(builder, model.programs["regressor_transpose"], {**known, "e": e})
+    (links,) = _record(builder, model.programs["regressor_transpose"], {**known, "e": e})
     drives = [[w if type(w) is int else rational(w) for w in term.direction] for term in inertia_terms(model.spec)]
     r = [*links[: model.b], *(_dot(w, e) * _dot(w, known["ddq"]) for w in drives)]
     scaled = [g * value for g, value in zip(known["gain"], r, strict=True)]
@@ -109,7 +111,7 @@ def estimator_program(unit: ControllerUnit) -> Program:
     )
 
 
-def _recorded(builder: Builder, program: Program, known: dict[str, Any]) -> list[list[Value]]:
+def _record(builder: Builder, program: Program, known: dict[str, Any]) -> list[list[Value]]:
     """Record ``program`` with the ``known`` values of its inputs; the others become inputs, known from then on."""
     for port in program.inputs:
         if port.name not in known:

@@ -50,19 +50,21 @@ def proposals(unit: ControllerUnit) -> dict[str, tuple[float, ...]]:
         return _damping(pole, inertia, free, unit.period)
 
     def springs(pole: float) -> tuple[float, ...]:
-        return _scaled([d * d / m if m > 0.0 else 0.0 for d, m in zip(damping(pole), inertia, strict=True)], 0.25)
+        return _scale_and_round(
+            [d * d / m if m > 0.0 else 0.0 for d, m in zip(damping(pole), inertia, strict=True)], 0.25
+        )
 
-    found: dict[str, tuple[float, ...]] = {
-        "stop_damping": _scaled(damping(2.0 * STIFF)),
-        "guide_damping": _scaled(damping(0.5)),
+    defaults: dict[str, tuple[float, ...]] = {
+        "stop_damping": _scale_and_round(damping(2.0 * STIFF)),
+        "guide_damping": _scale_and_round(damping(0.5)),
         "pd_kp": springs(2.0 * STIFF),
-        "pd_kd": _scaled(damping(2.0 * STIFF)),
+        "pd_kd": _scale_and_round(damping(2.0 * STIFF)),
         "joint_stiffness": springs(2.0 * SOFT),
-        "joint_damping": _scaled(damping(2.0 * SOFT)),
-        "stiffness": _scaled(tip, SOFT**2),
-        "damping": _scaled(tip, 2.0 * SOFT),
-        "null_damping": _scaled(damping(SOFT)),
-        "k": _scaled(damping(STIFF)),
+        "joint_damping": _scale_and_round(damping(2.0 * SOFT)),
+        "stiffness": _scale_and_round(tip, SOFT**2),
+        "damping": _scale_and_round(tip, 2.0 * SOFT),
+        "null_damping": _scale_and_round(damping(SOFT)),
+        "k": _scale_and_round(damping(STIFF)),
         "kp": (STIFF**2,), "kd": (2.0 * STIFF,),
         "tip_kp": (STIFF**2,), "tip_kd": (2.0 * STIFF,), "tip_damping": (0.02,),
         "lam": (STIFF / 2.0,),
@@ -71,18 +73,18 @@ def proposals(unit: ControllerUnit) -> dict[str, tuple[float, ...]]:
         "kalman_gain": _kalman_gain(unit.period) * n,
     }  # fmt: skip
     speeds = [joint.limits.velocity for joint in spec.joints]
-    found["q_jump"] = tuple(math.inf if v is None else _rounded(JUMP * float(v) * unit.period) for v in speeds)
+    defaults["q_jump"] = tuple(math.inf if v is None else _round(JUMP * float(v) * unit.period) for v in speeds)
     beta = [float(value) for value in (*(model.beta_nominal or (0,) * model.b), *(model.drive_inertia_nominal or ()))]
     drives = len(model.drive_inertia_nominal or ())
-    found["beta"] = tuple(beta)
+    defaults["beta"] = tuple(beta)
     links = beta[: model.b]
-    found["gamma"] = (*(_rounded(0.1 * value * value) for value in links), *(0.0,) * drives)
-    found["beta_min"] = (*(_rounded(value - abs(value)) for value in links), *(-math.inf,) * drives)
-    found["beta_max"] = (*(_rounded(value + abs(value)) for value in links), *(math.inf,) * drives)
-    found["friction"] = tuple(float(value) for _, value in friction_parameters(spec))
+    defaults["gamma"] = (*(_round(0.1 * value * value) for value in links), *(0.0,) * drives)
+    defaults["beta_min"] = (*(_round(value - abs(value)) for value in links), *(-math.inf,) * drives)
+    defaults["beta_max"] = (*(_round(value + abs(value)) for value in links), *(math.inf,) * drives)
+    defaults["friction"] = tuple(float(value) for _, value in friction_parameters(spec))
     if unit.has("estimator"):
-        found["estimator_gain"] = _estimator_gain(model, beta)
-    return {**found, **unit.given}
+        defaults["estimator_gain"] = _estimator_gain(model, beta)
+    return {**defaults, **unit.given}
 
 
 def _kalman_gain(period: float) -> tuple[float, ...]:
@@ -93,18 +95,18 @@ def _kalman_gain(period: float) -> tuple[float, ...]:
         1.5 * (1.0 - pole) ** 2 * (1.0 + pole) / period,
         (1.0 - pole) ** 3 / period**2,
     )
-    return tuple(_rounded(value, 4) for value in gain)
+    return tuple(_round(value, 4) for value in gain)
 
 
 def _estimator_gain(model: DerivedModel, beta: list[float]) -> tuple[float, ...]:
     """Gains in proportion to the square of each parameter; a sample of a fast motion takes a share of LEARNING."""
     q = [_middle(joint.limits.lower, joint.limits.upper) for joint in model.spec.joints]
     motion = {"q": q, "dq": [1.0] * len(q), "ddq": [1.0] * len(q), "gravity": [0.0, 0.0, -9.81]}
-    Y = _evaluated(model.programs["regressor"], motion)
+    Y = _output_matrix(model.programs["regressor"], motion)
     Y *= diag(beta[: Y.cols])
     largest = max(eigsy(Y * Y.T, eigvals_only=True))  # square of the largest singular value
     share = LEARNING / float(largest) if largest > 0.0 else 0.0
-    return tuple(_rounded(share * value * value) for value in beta)
+    return tuple(_round(share * value * value) for value in beta)
 
 
 def _damping(pole: float, inertia: list[float], free: list[float], period: float) -> list[float]:
@@ -128,20 +130,20 @@ def _inertias(model: DerivedModel) -> tuple[list[float], list[float], list[float
     beta = [float(value) for value in (*model.beta_nominal, *(model.drive_inertia_nominal or ()))]
     limits = [joint.limits for joint in model.spec.joints]
 
-    def evaluated(function: str, shares: Sequence[float]) -> matrix:
-        q = [_middle(each.lower, each.upper, shares[k % len(shares)]) for k, each in enumerate(limits)]
-        return _evaluated(model.programs[function], {"q": q, "beta": beta})
+    def evaluate(function: str, shares: Sequence[float]) -> matrix:
+        q = [_middle(limit.lower, limit.upper, shares[k % len(shares)]) for k, limit in enumerate(limits)]
+        return _output_matrix(model.programs[function], {"q": q, "beta": beta})
 
-    masses = [evaluated("mass_matrix", shares) for shares in ((MIDDLE,), (0.5,), (0.3, 0.7, 0.8))]
+    masses = [evaluate("mass_matrix", shares) for shares in ((MIDDLE,), (0.5,), (0.3, 0.7, 0.8))]
     inverses = [_pseudo_inverse(M) for M in masses]
     free = [1.0 / max(float(inverse[i, i]) for inverse in inverses) for i in range(n)]
-    J = evaluated("jacobian", (MIDDLE,))
+    J = evaluate("jacobian", (MIDDLE,))
     mobility = _diagonal(J * inverses[0] * J.T)
-    tip = [1.0 / each if each > 1e-6 * max(mobility) else 0.0 for each in mobility]
+    tip = [1.0 / entry if entry > 1e-6 * max(mobility) else 0.0 for entry in mobility]
     return _diagonal(masses[0]), free, tip
 
 
-def _evaluated(program: Program, values: Mapping[str, Sequence[float]]) -> matrix:
+def _output_matrix(program: Program, values: Mapping[str, Sequence[float]]) -> matrix:
     """The first output of ``program`` as a matrix, from its inputs by name."""
     rows, columns = program.outputs[0].shape
     numbers = evaluate_floats(program, *(values[port.name] for port in program.inputs))[0]
@@ -166,9 +168,9 @@ def _middle(lower: Any, upper: Any, share: float = MIDDLE) -> float:
     return float(lower) + share * (float(upper) - float(lower))
 
 
-def _scaled(values: list[float], factor: float = 1.0) -> tuple[float, ...]:
-    return tuple(_rounded(factor * value) for value in values)
+def _scale_and_round(values: list[float], factor: float = 1.0) -> tuple[float, ...]:
+    return tuple(_round(factor * value) for value in values)
 
 
-def _rounded(value: float, digits: int = DIGITS) -> float:
+def _round(value: float, digits: int = DIGITS) -> float:
     return float(f"{value:.{digits}g}")

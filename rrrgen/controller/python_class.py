@@ -214,7 +214,7 @@ class Controller:
         """
         ticks = max(len(np.atleast_1d(value)) for value in inputs.values())
         given = np.zeros(ticks, self._input.data.dtype)
-        found = np.zeros(ticks, self._output.data.dtype)
+        outputs = np.zeros(ticks, self._output.data.dtype)
         given[:] = self._input.data
         given["mode"], given["dt"] = self._number(self.mode), self.params.Ts
         given["sample"] = np.arange(ticks) + self._input.sample + 1
@@ -222,12 +222,12 @@ class Controller:
             if name not in given.dtype.names:
                 raise ValueError(_unknown(name, given.dtype.names))
             given[name] = value
-        state, source, sink = self._state.ctypes.data, given.ctypes.data, found.ctypes.data
+        state, source, sink = self._state.ctypes.data, given.ctypes.data, outputs.ctypes.data
         for k in range(ticks):
-            self._call("step", state, source + k * given.itemsize, sink + k * found.itemsize)
+            self._call("step", state, source + k * given.itemsize, sink + k * outputs.itemsize)
         if ticks:
             self._input.data[...] = given[-1]
-        return found
+        return outputs
 
     def _take(self, values: Mapping[str, Any]) -> None:
         for name, value in values.items():

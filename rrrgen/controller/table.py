@@ -169,7 +169,7 @@ class ControllerUnit:
 
     def law(self, mode: str) -> str:
         """The model function that the mode calls: the first that this robot has; "" for none."""
-        entry = next(each for each in MODES if each.name == mode)
+        entry = next(candidate for candidate in MODES if candidate.name == mode)
         return next((law for law in entry.laws if law in self.model.programs), "")
 
     @property
@@ -205,12 +205,12 @@ def unit_of(
         InputError: a name is unknown, a robot cannot have a mode, or two parts exclude each other.
     """
     possible = available_modes(model)
-    chosen = _chosen("mode", possible if modes is None else modes, [mode.name for mode in MODES])
+    chosen = _choose("mode", possible if modes is None else modes, [mode.name for mode in MODES])
     for name in chosen:
         if name not in possible:
             raise InputError(f"{model.spec.name} cannot have the mode '{name}'; its modes are {', '.join(possible)}")
     usual = [part for part in USUAL_PARTS if part in available_parts(model)]
-    taken = _chosen("part", usual if parts is None else parts, list(PARTS))
+    taken = _choose("part", usual if parts is None else parts, list(PARTS))
     if "kalman" in taken and "differences" in taken:
         raise InputError("the parts 'kalman' and 'differences' exclude each other: both compute the joint speeds")
     if "estimator" in taken and "kalman" not in taken:
@@ -239,7 +239,7 @@ def available_parts(model: DerivedModel) -> list[str]:
     return [part for part in PARTS if needs.get(part, True)]
 
 
-def _chosen(what: str, names: Iterable[str], known: Sequence[str]) -> list[str]:
+def _choose(what: str, names: Iterable[str], known: Sequence[str]) -> list[str]:
     chosen = list(dict.fromkeys(names))
     for name in chosen:
         if name not in known:
@@ -265,15 +265,18 @@ def parameters(unit: ControllerUnit, proposed: dict[str, tuple[float, ...]]) -> 
 
     ``proposed`` are default gains by name, from :func:`rrrgen.controller.proposals.proposals`.
     """
-    found = list(_parameters(unit, proposed))
-    return [field for field in found if not field.integer] + [field for field in found if field.integer]
+    fields = list(_parameters(unit, proposed))
+    return [field for field in fields if not field.integer] + [field for field in fields if field.integer]
 
 
 def _parameters(unit: ControllerUnit, proposed: dict[str, tuple[float, ...]]) -> Iterator[Field]:
     n, limits = unit.n, [joint.limits for joint in unit.model.spec.joints]
 
     def limit(key: str, missing: float = math.inf) -> tuple[float, ...]:
-        return tuple(missing if getattr(each, key) is None else float(getattr(each, key)) for each in limits)
+        return tuple(
+            missing if getattr(joint_limits, key) is None else float(getattr(joint_limits, key))
+            for joint_limits in limits
+        )
 
     def gains(name: str, count: int, unit_of: str, text: str, **more: Any) -> Field:
         return Field(name, count, unit_of, text, 0.0, LARGEST, proposed.get(name, (0.0,)), **more)
@@ -480,9 +483,9 @@ def inputs(unit: ControllerUnit) -> list[Field]:
     """The fields of the input."""
     n = unit.n
     wanted = {name for mode in MODES if mode.name in unit.modes for name in mode.reference}
-    found = [Field("q", n, POSITION, "measured joint positions")]
+    fields = [Field("q", n, POSITION, "measured joint positions")]
     if not unit.filtered:
-        found.append(Field("dq", n, SPEED, "measured joint speeds"))
+        fields.append(Field("dq", n, SPEED, "measured joint speeds"))
     for name, count, quantity, text in (
         ("q_d", n, POSITION, "desired positions"),
         ("dq_d", n, SPEED, "desired speeds"),
@@ -492,25 +495,27 @@ def inputs(unit: ControllerUnit) -> list[Field]:
         ("A_d", 6, "m/s^2, rad/s^2", "desired acceleration of the tip"),
     ):
         if name in wanted:
-            found.append(Field(name, count, quantity, text))
-    found.append(Field("dt", 1, "s", "time since the last tick", array=False))
-    found.append(Field("sample", 1, "", "counter of the measurements", integer=True, array=False, signed=False))
-    found.append(Field("mode", 1, "", "wanted mode", integer=True, array=False))
-    return found
+            fields.append(Field(name, count, quantity, text))
+    fields.append(Field("dt", 1, "s", "time since the last tick", array=False))
+    fields.append(Field("sample", 1, "", "counter of the measurements", integer=True, array=False, signed=False))
+    fields.append(Field("mode", 1, "", "wanted mode", integer=True, array=False))
+    return fields
 
 
 def outputs(unit: ControllerUnit) -> list[Field]:
     """The fields of the output."""
     n = unit.n
-    found = [Field("tau", n, TORQUE, "torques to apply"), Field("dq", n, SPEED, "joint speeds that the law used")]
+    fields = [Field("tau", n, TORQUE, "torques to apply"), Field("dq", n, SPEED, "joint speeds that the law used")]
     if unit.has("observer"):
-        found.append(Field("r", n, TORQUE, "estimated external torques"))
-        found.append(Field("contact_ratio", 1, "", "largest estimate over its threshold; contact above 1", array=False))
+        fields.append(Field("r", n, TORQUE, "estimated external torques"))
+        fields.append(
+            Field("contact_ratio", 1, "", "largest estimate over its threshold; contact above 1", array=False)
+        )
     if unit.has("velocity"):
-        found.append(Field("q_r", n, POSITION, "mode velocity: positions that the joints follow"))
-        found.append(Field("dq_r", n, SPEED, "mode velocity: speeds that the joints follow, within all limits"))
+        fields.append(Field("q_r", n, POSITION, "mode velocity: positions that the joints follow"))
+        fields.append(Field("dq_r", n, SPEED, "mode velocity: speeds that the joints follow, within all limits"))
     if unit.adapts:
-        found.append(Field("beta", unit.model.beta_size, "SI", "base parameters that the laws use"))
+        fields.append(Field("beta", unit.model.beta_size, "SI", "base parameters that the laws use"))
     for name, text, signed in (
         ("status", "set of bits, see below", False),
         ("joints", "joint k is part of the fault: bit k", False),
@@ -518,31 +523,31 @@ def outputs(unit: ControllerUnit) -> list[Field]:
         ("mode", "mode that acts", True),
         ("brake", "1: close the brakes", True),
     ):
-        found.append(Field(name, 1, "", text, integer=True, array=False, signed=signed))
-    return found
+        fields.append(Field(name, 1, "", text, integer=True, array=False, signed=signed))
+    return fields
 
 
 def memory(unit: ControllerUnit) -> list[Field]:
     """The reals that the controller keeps from tick to tick; none of them is ever other than finite."""
     n = unit.n
-    found = [
+    fields = [
         Field("q_last", n, POSITION, "last good positions"),
         Field("tau_last", n, TORQUE, "torques of the last tick"),
         Field("bump", n, TORQUE, "what is left of the step at the last change of mode"),
         Field("fading", 1, "", "share of the gravity torque without samples", array=False),
     ]
     if unit.integrators:
-        found.append(Field("z", unit.integrators, "rad s | m s", "integrals"))
+        fields.append(Field("z", unit.integrators, "rad s | m s", "integrals"))
     if unit.has("kalman"):
-        found.append(Field("x", 3 * n, "", "prediction of position, speed and acceleration"))
+        fields.append(Field("x", 3 * n, "", "prediction of position, speed and acceleration"))
     if unit.has("differences"):
-        found.append(Field("speed", n, SPEED, "filtered speeds"))
+        fields.append(Field("speed", n, SPEED, "filtered speeds"))
     if unit.has("observer"):
         for name in ("p", "u", "r", "change"):
-            found.append(Field(name, n, "", "state of the momentum observer and of contact detection"))
+            fields.append(Field(name, n, "", "state of the momentum observer and of contact detection"))
     if unit.has("velocity"):
-        found.append(Field("q_r", n, POSITION, "positions of the differential inverse kinematics"))
-        found.append(Field("dq_r", n, SPEED, "speeds of the differential inverse kinematics"))
+        fields.append(Field("q_r", n, POSITION, "positions of the differential inverse kinematics"))
+        fields.append(Field("dq_r", n, SPEED, "speeds of the differential inverse kinematics"))
     if unit.adapts:
-        found.append(Field("beta", unit.model.beta_size, "SI", "adapted parameters"))
-    return found
+        fields.append(Field("beta", unit.model.beta_size, "SI", "adapted parameters"))
+    return fields

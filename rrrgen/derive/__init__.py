@@ -37,7 +37,7 @@ def prepare(spec: RobotSpec) -> Derivation:
     return Derivation(spec, model, compiler_set, change, parametrize(compiler_set, change))
 
 
-def parametrized(derivation: Derivation) -> ParametrizedRobot:
+def parametrize_robot(derivation: Derivation) -> ParametrizedRobot:
     """List the base parameters of the robot of ``derivation``, with names, expressions, units and nominal values.
 
     Raises DerivationError if a named parameter has no nominal value.
@@ -98,7 +98,9 @@ def record(derivation: Derivation, functions: Sequence[ModelFunction]) -> Record
         # the recursions for derivatives hold for constant couplings; with loops, programs are differentiated
         if function.record and not (derivation.spec.loops and function.combine and function.group == "model")
     }
-    return parametrized(derivation).recorded(derivation, alternatives, tuple(function.name for function in functions))
+    return parametrize_robot(derivation).make_recorded_model(
+        derivation, alternatives, tuple(function.name for function in functions)
+    )
 
 
 def _nominal_standard(spec: RobotSpec) -> list[Fraction] | None:
@@ -168,7 +170,7 @@ def derive_once(
     Raises:
         DerivationError: a function does not exist for this robot.
     """
-    from rrrgen.derive.derived_model import joined, recall, store
+    from rrrgen.derive.derived_model import join_models, recall, store
     from rrrgen.derive.functions.table import functions_for
     from rrrgen.robot.identity import identify
 
@@ -177,18 +179,18 @@ def derive_once(
     parts: tuple[tuple[Sequence[str], Part], ...] = ((groups, part),)
     if part == "all":
         parts = ((groups, "at once"), (("model",), "on demand")) if "model" in groups else ((groups, "at once"),)
-    found = [recall(spec, identity, (*of, which)) for of, which in parts]
-    if not any(found):
+    cached_models = [recall(spec, identity, (*of, which)) for of, which in parts]
+    if not any(cached_models):
         whole = derive(spec, jobs, groups, tell, part)
         for of, which in parts:
             store(whole, identity, (*of, which), functions_for(spec, of, which))
         return whole
     models = []
-    for model, (of, which) in zip(found, parts, strict=True):
+    for model, (of, which) in zip(cached_models, parts, strict=True):
         models.append(model or derive(spec, jobs, of, tell, which))
         if model is None:
             store(models[-1], identity, (*of, which), functions_for(spec, of, which))
-    return joined(models, functions_for(spec, groups, part))
+    return join_models(models, functions_for(spec, groups, part))
 
 
 def closed_form(spec: RobotSpec, function: str) -> ClosedForm:

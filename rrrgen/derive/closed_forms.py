@@ -196,7 +196,7 @@ def shared_form(
     ``inputs`` holds one symbol per element of every input, ``angles`` the expression of every node that is the argument
     of a sine or cosine. Sines and cosines stay whole: they are part of the notation.
     """
-    needed = _printed(program, results)
+    needed = _nodes_to_print(program, results)
     uses = _uses(program, needed, results)
     taken = {str(symbol) for port in inputs for symbol in port}
     names = (name for k in count(1) if (name := f"{LETTER}{k}") not in taken)
@@ -221,7 +221,7 @@ def shared_form(
     return SharedForm(tuple(definitions), sp.Matrix(*shape, [values[k] for k in results]))
 
 
-def _printed(program: Program, results: Sequence[int]) -> list[int]:
+def _nodes_to_print(program: Program, results: Sequence[int]) -> list[int]:
     """The nodes that ``results`` are computed from, in order, without those that only stand inside sines and cosines.
 
     A number may stand in both places: an angle of 0.25 rad beside a length of 0.25 m.

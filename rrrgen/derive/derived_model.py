@@ -93,17 +93,17 @@ class ParametrizedRobot:
         """Number of elements of the port beta: base parameters, then drive inertias."""
         return self.b + len(self.drive_inertia_nominal or ())
 
-    def recorded(
+    def make_recorded_model(
         self, derivation: Derivation, alternatives: dict[str, tuple[Program, ...]], wanted: tuple[str, ...]
     ) -> RecordedModel:
         """Make a recorded model of this robot for the functions ``wanted``.
 
         ``alternatives`` lists equivalent programs of these and of those that they are made of.
         """
-        return RecordedModel(**self._known(), derivation=derivation, alternatives=alternatives, wanted=wanted)
+        return RecordedModel(**self._field_values(), derivation=derivation, alternatives=alternatives, wanted=wanted)
 
-    def _known(self) -> dict[str, Any]:
-        return {each.name: getattr(self, each.name) for each in fields(ParametrizedRobot)}
+    def _field_values(self) -> dict[str, Any]:
+        return {field.name: getattr(self, field.name) for field in fields(ParametrizedRobot)}
 
 
 @dataclass(frozen=True)
@@ -122,9 +122,9 @@ class RecordedModel(ParametrizedRobot):
         """This model with the functions of ``alternatives`` and no others."""
         return replace(self, alternatives=dict(alternatives), wanted=tuple(alternatives))
 
-    def optimized(self, programs: dict[str, Program], passes: tuple[PassReport, ...]) -> DerivedModel:
+    def make_derived_model(self, programs: dict[str, Program], passes: tuple[PassReport, ...]) -> DerivedModel:
         """Make the derived model of this robot from the optimized ``programs`` and the reports of the ``passes``."""
-        return DerivedModel(**self._known(), programs=programs, passes=passes)
+        return DerivedModel(**self._field_values(), programs=programs, passes=passes)
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class DerivedModel(ParametrizedRobot):
     passes: tuple[PassReport, ...]
 
 
-def joined(parts: Sequence[DerivedModel], functions: Sequence[ModelFunction]) -> DerivedModel:
+def join_models(parts: Sequence[DerivedModel], functions: Sequence[ModelFunction]) -> DerivedModel:
     """The model with the functions of several models of one robot, in the order of ``functions``."""
     order = _order(functions)
     programs = {name: program for part in parts for name, program in part.programs.items()}
@@ -283,7 +283,7 @@ def _plain_expression(expression: sp.Basic) -> Any:
     The lists are ``["symbol", name, assumptions]``, ``["number", "p/q"]`` and ``[function, operand, ...]``.
     """
     if isinstance(expression, sp.Symbol):
-        return ["symbol", expression.name, _assumed(expression)]
+        return ["symbol", expression.name, _assumptions(expression)]
     if isinstance(expression, sp.Rational):
         return int(expression) if expression.is_Integer else ["number", f"{expression.p}/{expression.q}"]
     if isinstance(expression, sp.Float):
@@ -294,7 +294,7 @@ def _plain_expression(expression: sp.Basic) -> Any:
     return [name, *(_plain_expression(operand) for operand in expression.args)]
 
 
-def _assumed(symbol: sp.Symbol) -> dict[str, bool]:
+def _assumptions(symbol: sp.Symbol) -> dict[str, bool]:
     """Assumptions with which a SymPy symbol was created, such as ``{"real": True}``."""
     return {name: bool(value) for name, value in symbol._assumptions_orig.items() if value is not None}
 
@@ -323,8 +323,8 @@ def recall(spec: RobotSpec, identity: Identity, words: Sequence[str]) -> Derived
     A cached model is used if ``identity`` (the content of the robot file), ``words`` (which functions), and the version
     of rrrgen agree. The cache holds all fields except ``spec``, which is taken from the caller.
     """
-    found = _load(_file(spec, identity, words))
-    return None if found is None else DerivedModel(spec=spec, **found)
+    field_values = _load(_file(spec, identity, words))
+    return None if field_values is None else DerivedModel(spec=spec, **field_values)
 
 
 def store(model: DerivedModel, identity: Identity, words: Sequence[str], functions: Sequence[ModelFunction]) -> None:

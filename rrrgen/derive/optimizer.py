@@ -10,9 +10,9 @@ from itertools import chain
 
 from rrrgen.base.parallel import Tell, parallel_map
 from rrrgen.derive.derived_model import Derivation, DerivedModel, RecordedModel
-from rrrgen.derive.functions.table import TABLE, combine, named, with_sources
+from rrrgen.derive.functions.table import TABLE, combine, get_function, with_sources
 from rrrgen.program import Builder, Op, Program, Role, Value, nominal_name, specialization
-from rrrgen.program.guard import guarded
+from rrrgen.program.guard import add_guard
 from rrrgen.program.passes import PassReport
 from rrrgen.program.passes.cheapest import Cheapest, Choice, PassLog
 from rrrgen.program.passes.folding import Fold
@@ -70,12 +70,12 @@ class _Spelling:
 
     def _value(self, k: int) -> Value:
         if k not in self.values:
-            self.values[k] = self._recorded(self.program.nodes[k])
+            self.values[k] = self._record_node(self.program.nodes[k])
             if k in self.program.labels:
                 self.builder.label(self.values[k], self.program.labels[k])
         return self.values[k]
 
-    def _recorded(self, node: Node) -> Value:
+    def _record_node(self, node: Node) -> Value:
         if node.op is Op.INPUT:
             port, element = node.place
             return self.inputs[port][element]
@@ -83,7 +83,7 @@ class _Spelling:
             return node.number
         factor, rest = self._factor(node)
         if rest is not None:
-            return self._scaled(factor, rest)
+            return self._record_multiple(factor, rest)
         operation: Callable[..., Value] = getattr(self.builder, node.op.value)
         return operation(*(self._value(arg) for arg in node.args))
 
@@ -93,7 +93,7 @@ class _Spelling:
             return Fraction(self.program.nodes[node.args[0]].number), node.args[1]
         return Fraction(1), None
 
-    def _scaled(self, factor: Fraction, k: int) -> Value:
+    def _record_multiple(self, factor: Fraction, k: int) -> Value:
         """Record ``factor`` times node k, multiplied into each term if k is a sum in which a length then appears."""
         node = self.program.nodes[k]
         if node.op not in (Op.ADD, Op.SUB) or self.uses[k] != 1 or not self._gains(factor, node):
@@ -104,8 +104,8 @@ class _Spelling:
 
     def _gains(self, factor: Fraction, node: Node) -> bool:
         """Whether, in some term of the sum ``node``, ``factor`` times the term's constant is a length of the file."""
-        own = [self._own(arg) for arg in node.args]
-        ratios = [c for c in own if c is not None]
+        constants = [self._own(arg) for arg in node.args]
+        ratios = [c for c in constants if c is not None]
         return any(abs(c) not in self.lengths and abs(factor * c) in self.lengths for c in ratios)
 
     def _own(self, k: int) -> Fraction | None:
@@ -115,9 +115,9 @@ class _Spelling:
     def _term(self, factor: Fraction, k: int) -> Value:
         if self._own(k) is None:
             return self.builder.mul(factor, self._value(k))
-        own, rest = self._factor(self.program.nodes[k])
+        constant, rest = self._factor(self.program.nodes[k])
         assert rest is not None
-        return self._scaled(factor * own, rest)
+        return self._record_multiple(factor * constant, rest)
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -158,16 +158,16 @@ class Optimizer:
 
     def __call__(self, recorded: RecordedModel, jobs: int = 1, tell: Tell | None = None) -> DerivedModel:
         """The optimized model, computed by up to ``jobs`` processes; the result does not depend on their number."""
-        found = self._function_by_function(recorded, jobs, tell)
+        functions = self._function_by_function(recorded, jobs, tell)
         made: dict[str, dict[str, Program]] = {}
-        for name, one in found.items():
-            made[name] = {name: guarded(one.program)}
+        for name, one in functions.items():
+            made[name] = {name: add_guard(one.program)}
             if one.nominal is not None:
-                made[name][one.nominal.name] = guarded(one.nominal)
+                made[name][one.nominal.name] = add_guard(one.nominal)
         self._combine_all(recorded, made, jobs, tell)
-        programs = {each: program for name in recorded.wanted for each, program in made[name].items()}
-        passes = tuple(report for name in recorded.alternatives for report in found[name].reports)
-        return recorded.optimized(programs, passes)
+        programs = {program_name: program for name in recorded.wanted for program_name, program in made[name].items()}
+        passes = tuple(report for name in recorded.alternatives for report in functions[name].reports)
+        return recorded.make_derived_model(programs, passes)
 
     def _combine_all(
         self, recorded: RecordedModel, made: dict[str, dict[str, Program]], jobs: int, tell: Tell | None
@@ -176,18 +176,20 @@ class Optimizer:
 
         Those whose sources are known are made at the same time.
         """
-        missing = [f for f in with_sources([named(name) for name in recorded.wanted]) if f.name not in made]
+        missing = [f for f in with_sources([get_function(name) for name in recorded.wanted]) if f.name not in made]
         while missing:
             ready = [f.name for f in missing if made.keys() >= {*f.of}]
             known = {name: program for programs in made.values() for name, program in programs.items()}
-            tasks = partial(self._combined, recorded, known)
+            tasks = partial(self._combine_function, recorded, known)
             made |= zip(ready, parallel_map(tasks, ready, jobs, tell, "combining functions"), strict=True)
             missing = [f for f in missing if f.name not in made]
 
-    def _combined(self, recorded: RecordedModel, programs: Mapping[str, Program], name: str) -> dict[str, Program]:
-        """The function ``name`` as :func:`combined` makes it, its specialization the cheapest of both ways."""
-        made, special = combined(name, recorded.derivation, programs), nominal_name(name)
-        if named(name).differentiated and special in made:
+    def _combine_function(
+        self, recorded: RecordedModel, programs: Mapping[str, Program], name: str
+    ) -> dict[str, Program]:
+        """The function ``name`` as :func:`combine_programs` makes it, its specialization the cheapest of both ways."""
+        made, special = combine_programs(name, recorded.derivation, programs), nominal_name(name)
+        if get_function(name).differentiated and special in made:
             ways = [made[special], Fold(recorded.nominal)(made[name])]
             trials = [Choice(0, None), Choice(1, None), Choice(1, CutSet.LOCAL)]
             made[special] = as_nominal(self.cheapest(ways, special, PassLog(), trials)[0], name, made[name].summary)
@@ -199,32 +201,34 @@ class Optimizer:
         chain = [f.name for f in TABLE if f.name in variants and (f.of or f.name == _ROOT)]
         groups = [chain, *([name] for name in variants if name not in chain)]
         groups.sort(key=lambda names: -sum(count_operations(variants[name][0]).total for name in names))
-        found = parallel_map(partial(self._in_turn, recorded), groups, jobs, tell, "simplifying functions")
-        return {name: one for group in found for name, one in group.items()}
+        optimized_groups = parallel_map(partial(self._in_turn, recorded), groups, jobs, tell, "simplifying functions")
+        return {name: one for group in optimized_groups for name, one in group.items()}
 
     def _in_turn(self, recorded: RecordedModel, names: Sequence[str]) -> dict[str, _Optimized]:
         """Optimize the functions ``names`` in order: each may be derived from those before it."""
-        found: dict[str, _Optimized] = {}
+        functions: dict[str, _Optimized] = {}
         for name in names:
             log = PassLog()
             variants = recorded.alternatives[name]
-            if (source := self._source(name, found)) is not None:
+            if (source := self._source(name, functions)) is not None:
                 variants = (*variants, combine(name, recorded.derivation.recording(), [source]))
             program, choice = self.cheapest(variants, name, log)
             if program.takes(Role.POSITION) and all(port.role in _KINEMATIC for port in program.inputs):
                 program = SpellLengths(lengths_of(recorded.spec))(program)
-            found[name] = _Optimized(program, self._specialized(recorded, variants, choice, program, log), log.reports)
-        return found
+            functions[name] = _Optimized(
+                program, self._specialize(recorded, variants, choice, program, log), log.reports
+            )
+        return functions
 
     def _source(self, name: str, known: Mapping[str, _Optimized]) -> Program | None:
         """The optimized program that ``name`` is the derivative of; None if inverse dynamics is too long for that."""
-        of = named(name).of
+        of = get_function(name).of
         source, first = known.get(of[0]) if of else None, known.get(_ROOT)
         if source is None or first is None or count_operations(first.program).total > self.max_chain_rule:
             return None
         return source.program
 
-    def _specialized(
+    def _specialize(
         self, recorded: RecordedModel, variants: Sequence[Program], choice: Choice, best: Program, log: PassLog
     ) -> Program | None:
         """Replace the base parameters and drive inertias of ``best`` by the numbers of the robot file, and optimize.
@@ -247,12 +251,12 @@ class Optimizer:
         return as_nominal(nominal, best.name, best.summary)
 
 
-def combined(function: str, derivation: Derivation, programs: Mapping[str, Program]) -> dict[str, Program]:
+def combine_programs(function: str, derivation: Derivation, programs: Mapping[str, Program]) -> dict[str, Program]:
     """Make ``function`` from the optimized ``programs`` of the functions that the table says it is made of.
 
     Returns it by name, and also its nominal specialization if all those functions have one.
     """
-    of = named(function).of
+    of = get_function(function).of
     program = combine(function, derivation.recording(), [programs[name] for name in of])
     made = {function: program}
     nominal = [one for name in of if (one := specialization(programs, name)) is not None]
@@ -265,4 +269,4 @@ def combined(function: str, derivation: Derivation, programs: Mapping[str, Progr
 def as_nominal(program: Program, function: str, summary: str) -> Program:
     """Rename ``program`` to ``<function>_nominal`` and mark it as the nominal specialization of ``function``."""
     words = summary.rstrip(".") + ", with the parameters of the robot file."
-    return program.described(name=nominal_name(function), summary=words, specializes=function)
+    return program.with_fields(name=nominal_name(function), summary=words, specializes=function)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rrrgen.derive.functions.friction import friction_parameters
 from rrrgen.derive.parameters.listing import listing
-from rrrgen.emit.printing import columns, decimal, mathematics, plain, wrapped
+from rrrgen.emit.printing import columns, decimal, mathematics, plain, wrap
 from rrrgen.program import Builder, Op, Port, Program, Role
 from rrrgen.robot.model.drives import coupling_equations, motor_facts
 from rrrgen.robot.model.mechanism import mechanism_equations
@@ -29,7 +29,7 @@ _CONVENTIONS = {
 
 def programs_of(model: DerivedModel) -> dict[str, Program]:
     """The programs to emit: those of the model, and ``nominal_parameters`` if the robot file states links."""
-    programs = {name: program.described(name=name) for name, program in model.programs.items()}
+    programs = {name: program.with_fields(name=name) for name, program in model.programs.items()}
     if model.beta_nominal is not None:
         programs["nominal_parameters"] = _nominal_parameters(model)
     if "friction" in model.programs:
@@ -121,4 +121,4 @@ def parameter_lines(model: DerivedModel, size: str) -> list[str]:
     """The lines of a comment that list the base parameters ``beta[size]``: name, unit and expression of each."""
     parameters = listing(model)
     rows = [(f"beta[{k}]", p.name, p.unit or "-", mathematics(p.expression)) for k, p in enumerate(parameters.beta)]
-    return [*wrapped(parameters.heading(f"beta[{size}]")), *columns(rows)]
+    return [*wrap(parameters.heading(f"beta[{size}]")), *columns(rows)]

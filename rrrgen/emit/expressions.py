@@ -92,15 +92,15 @@ class PythonTarget:
 def element_names(names: Names, port: Port, rows: int, cols: int) -> list[str]:
     """Local names of the elements of a port that is seen as a matrix, such as q1, q2 or T_1_1, T_1_2."""
     if cols == 1:
-        return [names.suggested(f"{port.name}{k + 1}") for k in range(rows)]
-    return [names.suggested(f"{port.name}_{r + 1}_{c + 1}") for r in range(rows) for c in range(cols)]
+        return [names.from_hint(f"{port.name}{k + 1}") for k in range(rows)]
+    return [names.from_hint(f"{port.name}_{r + 1}_{c + 1}") for r in range(rows) for c in range(cols)]
 
 
 _LINE = 116
 _GLUED = "\0=\0"
 
 
-def folded(text: str) -> list[str]:
+def fold(text: str) -> list[str]:
     """Break ``text`` into lines of at most 116 characters, at spaces inside its brackets (never around ``=``)."""
     if len(text) <= _LINE:
         return [text]
@@ -111,6 +111,6 @@ def folded(text: str) -> list[str]:
     return [line.replace(_GLUED, " = ") for line in lines]
 
 
-def quoted(text: str) -> str:
+def escape_docstring(text: str) -> str:
     """Escape ``text`` for use inside a docstring."""
     return text.replace("\\", "\\\\").replace('"""', "'''")

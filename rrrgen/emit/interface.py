@@ -111,7 +111,7 @@ class FunctionTarget(Target, Protocol):
         """Element number ``element``, row-major, of an input or output."""
         ...
 
-    def unused(self, port: Port) -> str:
+    def discard(self, port: Port) -> str:
         """The statement that prevents a compiler's warning about an input that the function does not read."""
         ...
 

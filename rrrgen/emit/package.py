@@ -65,19 +65,19 @@ def emit(
     tasks = [backend.tasks(model, identity, real) for backend in backends]
     every: list[Callable[[], Any]] = [partial(_inverse_kinematics_data, model.spec, real), *chain.from_iterable(tasks)]
     data, *printed = parallel_map(_run, every, jobs, tell, "printing sources")
-    parts = _assembled(model, identity, backends, tasks, printed)
-    files = _merged(parts)
+    parts = _assemble_files(model, identity, backends, tasks, printed)
+    files = _merge(parts)
     models = [model] if any_gravity is None else [model, any_gravity]
     for other in models[1:]:
         files |= _further_model(other, real, trig, jobs, languages, tell)
     files |= further or {}
-    listed = [(_place(part), LANGUAGES[each]) for each, part in zip(languages, parts[OWN:], strict=True)]
+    listed = [(_place(part), LANGUAGES[language]) for language, part in zip(languages, parts[OWN:], strict=True)]
     files |= build_files(files, model, identity, real, listed)
     files[MANIFEST] = manifest(model, identity, real, files, data, any_gravity, rounding)
     if casadi_files:  # their bytes depend on the version of CasADi, so the manifest does not list them
-        from rrrgen.emit.casadi.files import serialized
+        from rrrgen.emit.casadi.files import serialize
 
-        files |= {f"casadi/{name}": data for each in models for name, data in serialized(each).items()}
+        files |= {f"casadi/{name}": data for derived_model in models for name, data in serialize(derived_model).items()}
     return files
 
 
@@ -101,12 +101,12 @@ def _further_model(
     backends: list[Backend] = [CBackend(trig), CasadiBackend(), *map(_further_backend, languages)]
     tasks = [backend.tasks(model, identity, real) for backend in backends]
     printed = parallel_map(_run, list(chain.from_iterable(tasks)), jobs, tell, "printing sources")
-    parts = _assembled(model, identity, backends, tasks, printed)
+    parts = _assemble_files(model, identity, backends, tasks, printed)
     moved = [{path.replace("/", "_any_gravity/", 1): text for path, text in part.items()} for part in parts[OWN:]]
-    return _merged([*parts[:OWN], *moved])
+    return _merge([*parts[:OWN], *moved])
 
 
-def _assembled(
+def _assemble_files(
     model: DerivedModel,
     identity: Identity,
     backends: Sequence[Backend],
@@ -124,7 +124,7 @@ def _assembled(
     return parts
 
 
-def _merged(parts: Iterable[dict[str, Contents]]) -> dict[str, Contents]:
+def _merge(parts: Iterable[dict[str, Contents]]) -> dict[str, Contents]:
     return {path: text for part in parts for path, text in part.items()}
 
 
@@ -177,12 +177,12 @@ def _beside(
         name: selftest(spec, real, tip)
         for name, tip in [(spec.name, ""), *((f"{spec.name}_{tip}", tip) for tip in spec.tips)]
     }
-    own = [
+    solver_checks = [
         SelfTestCheck(f"{name}_inverse_kinematics".removeprefix(f"{spec.name}_"), f"{name}_ik.h", text)
         for name, text in tests.items()
         if text
     ]
-    return sources(spec, real), [*checks, *own]
+    return sources(spec, real), [*checks, *solver_checks]
 
 
 def _inverse_kinematics_data(spec: RobotSpec, real: Real) -> dict[str, Any]:

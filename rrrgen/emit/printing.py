@@ -46,7 +46,7 @@ def mathematics(expression: object) -> str:
     return plain(str(expression).replace("**", "^"))
 
 
-def wrapped(text: str) -> list[str]:
+def wrap(text: str) -> list[str]:
     """Break ``text`` into lines of a comment."""
     return textwrap.wrap(plain(text), WIDTH, break_long_words=False)
 
@@ -87,7 +87,7 @@ class Names:
                 self._taken.add(name)
                 return name
 
-    def suggested(self, hint: str) -> str:
+    def from_hint(self, hint: str) -> str:
         """The name ``hint``, made a valid identifier; a number is appended if it is taken."""
         base = re.sub(r"\W+", "_", hint, flags=re.ASCII).strip("_") or "t"
         if base[0].isdigit():
@@ -106,10 +106,10 @@ def with_free_ports(program: Program, taken: frozenset[str]) -> Program:
     For languages in which a variable must not have the name of a keyword, or of a constant of the emitted file.
     """
 
-    def renamed(port: Port) -> Port:
+    def rename(port: Port) -> Port:
         return replace(port, name=f"{port.name}_") if port.name in taken else port
 
-    return replace(program, inputs=tuple(map(renamed, program.inputs)), outputs=tuple(map(renamed, program.outputs)))
+    return replace(program, inputs=tuple(map(rename, program.inputs)), outputs=tuple(map(rename, program.outputs)))
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -152,8 +152,8 @@ class Statements:
 
     def _declare(self, index: int, text: Text) -> Text:
         """Give the value of node ``index`` a local of its own."""
-        hint = self._labels.get(index) or (_named("q", self._angles[index]) if index in self._angles else "")
-        name = self.names.suggested(hint) if hint else self.names.temporary()
+        hint = self._labels.get(index) or (_joint_name("q", self._angles[index]) if index in self._angles else "")
+        name = self.names.from_hint(hint) if hint else self.names.temporary()
         self.lines.append(self.target.declaration(name, text.code))
         self.texts[index] = Text(name)
         return self.texts[index]
@@ -173,7 +173,7 @@ class Statements:
             self.texts[index] = self._expression(op, args)
             if self._named[index]:
                 self._declare(index, self.texts[index])
-        self._computed(index)
+        self._finish_node(index)
 
     def _worth_a_name(self) -> list[bool]:
         """For every node, whether its value gets a local variable: if it is read more than once or has a label."""
@@ -183,7 +183,7 @@ class Statements:
             for index, (readers, wanted) in enumerate(zip(self._readers, self._wanted, strict=True))
         ]
 
-    def _computed(self, index: int) -> None:
+    def _finish_node(self, index: int) -> None:
         """Called when node ``index`` has been given its text; does nothing here, subclasses write outputs."""
 
     def _declare_trigonometry(self, index: int) -> None:
@@ -192,7 +192,7 @@ class Statements:
         angle = self.program.nodes[index].args[0]
         names: dict[Op, str] = {}
         for op, node in self._trigonometry[angle].items():
-            names[op] = self.names.suggested(self.program.labels.get(node) or self._trigonometric_name(op, angle))
+            names[op] = self.names.from_hint(self.program.labels.get(node) or self._trigonometric_name(op, angle))
             self.texts[node] = Text(names[op])
         self.lines += self.target.sincos(self.texts[angle].code, names.get(Op.SIN), names.get(Op.COS))
 
@@ -200,7 +200,7 @@ class Statements:
         """The name of a sine or cosine: s2 for sin(q2), c23 for cos(q2 + q3), otherwise made from the angle's name."""
         letter = "s" if op is Op.SIN else "c"
         code = self.texts[angle].code
-        named = _named(letter, self._angles.get(angle))
+        named = _joint_name(letter, self._angles.get(angle))
         return named or (f"{letter}_{code}" if code.isidentifier() else f"{letter}_angle")
 
     # -- expressions ---------------------------------------------------------------------------------------------
@@ -278,9 +278,9 @@ class FunctionBody(Statements):
         super().__init__(program, target, names, lambda port, k: target.element(program.inputs[port], k))
         self._function = target
         self._places = _places_of_outputs(program)
-        self._committed = _committed(program)
+        self._committed = _guarded_results(program)
         read = {node.place[0] for node in program.nodes if node.op is Op.INPUT}
-        self.lines += [target.unused(port) for k, port in enumerate(program.inputs) if k not in read]
+        self.lines += [target.discard(port) for k, port in enumerate(program.inputs) if k not in read]
         self.write()
         self._finish()
         self._report()
@@ -293,7 +293,7 @@ class FunctionBody(Statements):
             for index, readers in enumerate(self._readers)
         ]
 
-    def _computed(self, index: int) -> None:
+    def _finish_node(self, index: int) -> None:
         if index in self._committed:
             return  # all of them in one branch at the end
         first = ""
@@ -381,7 +381,7 @@ def _places_of_outputs(program: Program) -> dict[int, list[tuple[Port, int]]]:
     return places
 
 
-def _committed(program: Program) -> list[int]:
+def _guarded_results(program: Program) -> list[int]:
     """The results of a guarded function, which are selected by the condition that its input is refused."""
     status = program.status
     if status is None or REFUSED not in status.failures:
@@ -395,11 +395,11 @@ def _committed(program: Program) -> list[int]:
 
 def _trigonometry(program: Program) -> dict[int, dict[Op, int]]:
     """For each node that is an angle, the nodes of its sine and cosine, by operation."""
-    found: dict[int, dict[Op, int]] = {}
+    pairs: dict[int, dict[Op, int]] = {}
     for index, node in enumerate(program.nodes):
         if node.op in (Op.SIN, Op.COS):
-            found.setdefault(node.args[0], {})[node.op] = index
-    return {angle: dict(sorted(pair.items(), key=lambda item: item[0] is Op.COS)) for angle, pair in found.items()}
+            pairs.setdefault(node.args[0], {})[node.op] = index
+    return {angle: dict(sorted(pair.items(), key=lambda item: item[0] is Op.COS)) for angle, pair in pairs.items()}
 
 
 def _joint_sums(program: Program, angles: set[int]) -> dict[int, tuple[int, ...]]:
@@ -413,5 +413,5 @@ def _joint_sums(program: Program, angles: set[int]) -> dict[int, tuple[int, ...]
     return {index: joints for index, joints in sums.items() if index in angles}
 
 
-def _named(letter: str, joints: tuple[int, ...] | None) -> str:
+def _joint_name(letter: str, joints: tuple[int, ...] | None) -> str:
     return letter + "".join(map(str, joints)) if joints else ""

@@ -99,9 +99,9 @@ def box_of(program: Program, spec: RobotSpec, beta: Sequence[float] | None, rang
     box = {}
     period = PERIOD if any(port.state for port in program.outputs) else DURATION
     for port in program.inputs:
-        found = _range(port, spec, beta, ranges, period)
-        if found is not None:
-            box[port.name] = found
+        port_range = _range(port, spec, beta, ranges, period)
+        if port_range is not None:
+            box[port.name] = port_range
     return box
 
 
@@ -138,10 +138,10 @@ def _range(
         if nominal is None or nominal.size != port.size:
             return None
         return _around([float(value) for value in nominal.ravel()], ranges.spread)
-    return _assumed(port, period) if role is Role.OTHER else None
+    return _assumed_range(port, period) if role is Role.OTHER else None
 
 
-def _assumed(port: Port, period: tuple[float, float]) -> PortRange | None:
+def _assumed_range(port: Port, period: tuple[float, float]) -> PortRange | None:
     """The range of a port that no limit of the robot file is about, by its unit and domain; None if it has another."""
     if port.unit == "1, m" and port.shape == (4, 4):
         return _POSE

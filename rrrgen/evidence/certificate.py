@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rrrgen.base.cache import digest
-from rrrgen.base.errors import installed
+from rrrgen.base.errors import is_installed
 from rrrgen.base.files import Contents, checksum
 from rrrgen.base.templates import templates_digest
 from rrrgen.derive.functions.table import find
@@ -82,12 +82,12 @@ def rounding_entries(
     ``trig`` is the source of sines and cosines, of which only the emitted kernel has a bound; ``ranges`` are those of
     the inputs over which bounds are proven. ``tell(done, total, message)`` is called as the work proceeds.
     """
-    found = {}
+    roundings = {}
     for done, (name, program) in enumerate(model.programs.items()):
         if tell is not None:
             tell(done, len(model.programs), f"rounding of {name}")
         if trig == "libm" and count_operations(program).sincos:
-            found[name] = {"none": "sines and cosines of the C library, which states no error bound"}
+            roundings[name] = {"none": "sines and cosines of the C library, which states no error bound"}
             continue
         box = box_of(program, model.spec, nominal_beta(model), ranges)
         solution = solution_of(model.programs, name)
@@ -96,12 +96,12 @@ def rounding_entries(
             residuals = partial(residual_entry, solution, model.spec, box, ranges, samples, seed)
             entries.insert(0 if solution.residual_first else 1, residuals)
         for entry in entries:
-            found[name] = entry()
-            if "none" not in found[name]:
+            roundings[name] = entry()
+            if "none" not in roundings[name]:
                 break
         else:
-            found[name] |= errors_without_bound(program, box, samples, seed)
-    return found
+            roundings[name] |= errors_without_bound(program, box, samples, seed)
+    return roundings
 
 
 def rounding_entry(program: Program, box: Mapping[str, PortRange], samples: int, seed: int) -> dict[str, Any]:
@@ -110,7 +110,7 @@ def rounding_entry(program: Program, box: Mapping[str, PortRange], samples: int,
     With ``samples``, the errors found at so many random states and by a search from the worst of them stand beside.
     """
     try:
-        bounds = rounding_bounds(program, {name: each.bounds for name, each in box.items()})
+        bounds = rounding_bounds(program, {name: port_range.bounds for name, port_range in box.items()})
     except NoBoundError as reason:
         return {"none": str(reason)}
     values = {
@@ -119,12 +119,14 @@ def rounding_entry(program: Program, box: Mapping[str, PortRange], samples: int,
     }
     entry: dict[str, Any] = {"parts_per_angle": bounds.parts, "method": METHOD}
     if any(bounds.conditional):
-        names = [port.name for port, each in zip(program.outputs, bounds.conditional, strict=True) if each]
+        names = [
+            port.name for port, conditional in zip(program.outputs, bounds.conditional, strict=True) if conditional
+        ]
         entry["conditional"] = {"outputs": names, "condition": CONDITION}
     if bounds.library:
         entry["assumption"] = LIBRARY
     sampled = partial(largest_errors, program, box, conditional=bounds.conditional)
-    return entry | _stated(values, box, samples, seed, sampled)
+    return entry | _precision_entries(values, box, samples, seed, sampled)
 
 
 def residual_entry(
@@ -136,12 +138,16 @@ def residual_entry(
     """
     try:
         box = solution.box(box, spec, ranges)
-        found = solution.bounds(box)
+        residuals = solution.bounds(box)
     except NoBoundError as reason:
         return {"none": str(reason)}
-    entry: dict[str, Any] = {"quantity": solution.quantity, "parts_per_angle": found.parts, "method": RESIDUAL_METHOD}
-    stated = _stated(found.bounds, box, samples, seed, partial(solution.largest, box))
-    for precision, least in found.least.items():
+    entry: dict[str, Any] = {
+        "quantity": solution.quantity,
+        "parts_per_angle": residuals.parts,
+        "method": RESIDUAL_METHOD,
+    }
+    stated = _precision_entries(residuals.bounds, box, samples, seed, partial(solution.largest, box))
+    for precision, least in residuals.least.items():
         if least > 0.0:
             stated[precision.name]["least_diagonal_of_M"] = least
     return entry | stated
@@ -154,11 +160,11 @@ def errors_without_bound(program: Program, box: Mapping[str, PortRange], samples
     """
     if not samples or any(port.name not in box for port in program.inputs):
         return {}
-    found = {}
+    entries = {}
     for precision in filter(has_wide_format, (DOUBLE, FLOAT)):
         errors = relative_errors(program, box, precision, samples, seed)
-        found[precision.name] = {
-            "box": {name: _range(each) for name, each in box.items()},
+        entries[precision.name] = {
+            "box": {name: _range(port_range) for name, port_range in box.items()},
             "sampled": {
                 "states": samples,
                 "seed": seed,
@@ -166,10 +172,10 @@ def errors_without_bound(program: Program, box: Mapping[str, PortRange], samples
                 "largest_relative": _short(float(np.max(errors))),
             },
         }
-    return found
+    return entries
 
 
-def _stated(
+def _precision_entries(
     bounds: Mapping[Precision, Mapping[str, list[float]]],
     box: Mapping[str, PortRange],
     samples: int,
@@ -181,7 +187,7 @@ def _stated(
     for precision, rows in bounds.items():
         flat = [value for row in rows.values() for value in row]
         stated: dict[str, Any] = {
-            "box": {name: _range(each) for name, each in box.items()},
+            "box": {name: _range(port_range) for name, port_range in box.items()},
             "bounds": dict(rows),
             "worst": max(flat, default=0.0),
         }
@@ -255,7 +261,7 @@ def certificate_files(
             missing.append((f"rounding of {name}", proven["none"]))
         elif "quantity" not in proven:  # exact outputs with their bounds; a residual is no error of an output
             stated = proven[real]
-            box = {port: PortRange(**each) for port, each in stated["box"].items()}
+            box = {port: PortRange(**limits) for port, limits in stated["box"].items()}
             vectors[name] = {
                 "bounds": stated["bounds"],
                 "states": test_vectors(program, box, real == "float", VECTORS_PER_FUNCTION, seed),
@@ -294,7 +300,9 @@ def certificate_files(
         "verification": None if verification is None else verification.to_dict(),
         **dict(further or {}),
         "trace": _trace(functions),
-        "without_bound": [{"what": what, "reason": reason, "instead": found} for what, reason, found in instead],
+        "without_bound": [
+            {"what": what, "reason": reason, "instead": substitute} for what, reason, substitute in instead
+        ],
         "skipped": [{"what": what, "reason": reason} for what, reason in missing],
         "not_applicable": [{"what": what, "reason": reason} for what, reason in not_applicable],
         "not_claimed": list(NOT_CLAIMED),
@@ -342,7 +350,7 @@ def tool_versions() -> dict[str, str]:
     """Versions of the Python packages that take part, by name."""
     from importlib.metadata import version
 
-    return {name: version(name) for name in ("numpy", "sympy", "mpmath", "casadi") if installed(name)}
+    return {name: version(name) for name in ("numpy", "sympy", "mpmath", "casadi") if is_installed(name)}
 
 
 def _base(name: str) -> str:

@@ -71,26 +71,26 @@ def disagreements(directory: Path) -> list[str]:
     the manifest. Raises InputError if there is no certificate.
     """
     content = read_certificate(directory)
-    found = []
+    faults = []
     if content_digest(content) != content["digest"]:
-        found.append(f"{CERTIFICATE}: its content does not have the digest that it states")
-        return found
+        faults.append(f"{CERTIFICATE}: its content does not have the digest that it states")
+        return faults
     for path, expected in {**content["files"], **content["evidence"]}.items():
         fault = _file_fault(directory, path, expected)
         if fault:
-            found.append(fault)
+            faults.append(fault)
     if (directory / CERTIFICATE).read_bytes() != json_text(content).encode():
-        found.append(f"{CERTIFICATE}: is not as rrrgen writes it")
+        faults.append(f"{CERTIFICATE}: is not as rrrgen writes it")
     for path, text in ((MARKDOWN, markdown(content)), (PAGE, html(content))):
         fault = _file_fault(directory, path, checksum(text))
         if fault:
-            found.append(fault)
+            faults.append(fault)
     known = {*content["files"], *content["evidence"], CERTIFICATE, MARKDOWN, PAGE}
     for path in sorted(directory.rglob("*")):
         name = path.relative_to(directory).as_posix()
         if path.is_file() and name not in known and (path.suffix in (".c", ".h") or name.startswith(f"{FOLDER}/")):
-            found.append(f"{name}: is not in the certificate")
-    return found + ([] if found else _manifest_faults(directory, content))
+            faults.append(f"{name}: is not in the certificate")
+    return faults + ([] if faults else _manifest_faults(directory, content))
 
 
 def _file_fault(directory: Path, path: str, expected: str) -> str | None:
@@ -106,13 +106,13 @@ def _file_fault(directory: Path, path: str, expected: str) -> str | None:
 def _manifest_faults(directory: Path, content: dict[str, Any]) -> list[str]:
     """Compare with the manifest: the model, and a row for every emitted function."""
     manifest = json.loads((directory / MANIFEST).read_text(encoding="utf-8"))
-    found = []
+    faults = []
     if manifest["model_hash"] != content["model_hash"]:
-        found.append(f"{MANIFEST}: is of another model")
+        faults.append(f"{MANIFEST}: is of another model")
     for name in manifest["functions"]:
         if name not in content["functions"]:
-            found.append(f"{name}: is emitted, and not in the certificate")
-    return found
+            faults.append(f"{name}: is emitted, and not in the certificate")
+    return faults
 
 
 def another_robot(content: dict[str, Any], spec: RobotSpec) -> list[str]:
@@ -133,16 +133,16 @@ def bounds_that_differ(content: dict[str, Any], spec: RobotSpec, tell: Tell | No
     groups = ("model", *(name for name in sorted(options["with"]) if name in GROUPS))
     model = derive_once(spec, groups)
     ranges = Ranges(options["speed"], options["acceleration"])
-    found = []
+    differences = []
     if content["templates"] != templates_digest():
-        found.append("the templates of the C code are not those of this version of rrrgen")
+        differences.append("the templates of the C code are not those of this version of rrrgen")
     for name, entry in rounding_entries(model, options["trig"], ranges, tell=tell).items():
         stated = content["functions"].get(name)
         if stated is None:
-            found.append(f"{name}: is not in the certificate")
+            differences.append(f"{name}: is not in the certificate")
         else:
-            found += [f"{name}: {fault}" for fault in _entry_faults(stated["rounding"], entry)]
-    return found
+            differences += [f"{name}: {fault}" for fault in _entry_faults(stated["rounding"], entry)]
+    return differences
 
 
 def _entry_faults(stated: dict[str, Any], entry: dict[str, Any]) -> list[str]:

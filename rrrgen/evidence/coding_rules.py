@@ -159,7 +159,7 @@ class _Function(NamedTuple):
 
 def _public_functions(lines: Sequence[str]) -> list[_Function]:
     """The functions with external linkage, which start behind an empty line and end with a brace at the margin."""
-    found = []
+    functions = []
     for at, line in enumerate(lines):
         if line != "{":
             continue
@@ -168,8 +168,8 @@ def _public_functions(lines: Sequence[str]) -> list[_Function]:
             first -= 1
         if not lines[first].startswith("static"):
             name = re.findall(r"(\w+)\(", lines[first])[0]
-            found.append(_Function(name, first, lines.index("}", at) + 1))
-    return found
+            functions.append(_Function(name, first, lines.index("}", at) + 1))
+    return functions
 
 
 def pieces(text: str) -> tuple[list[str], list[_Function]]:
@@ -184,8 +184,8 @@ def pieces(text: str) -> tuple[list[str], list[_Function]]:
         return [text], []
     functions = _public_functions(lines)
     groups: list[list[_Function]] = []
-    for function in (each for each in functions if each.end - each.first <= LONGEST_FUNCTION):
-        if not groups or sum(each.end - each.first for each in (*groups[-1], function)) > _TOGETHER:
+    for function in (candidate for candidate in functions if candidate.end - candidate.first <= LONGEST_FUNCTION):
+        if not groups or sum(member.end - member.first for member in (*groups[-1], function)) > _TOGETHER:
             groups.append([])
         groups[-1].append(function)
     parts = []
@@ -195,7 +195,7 @@ def pieces(text: str) -> tuple[list[str], list[_Function]]:
             if function not in group:
                 kept[function.first : function.end] = [""] * (function.end - function.first)
         parts.append("\n".join([*kept, ""]))
-    return parts, [each for each in functions if each.end - each.first > LONGEST_FUNCTION]
+    return parts, [candidate for candidate in functions if candidate.end - candidate.first > LONGEST_FUNCTION]
 
 
 def findings(directory: Path, sources: Iterable[str], jobs: int = 1) -> list[RuleFinding]:
@@ -231,10 +231,12 @@ def findings(directory: Path, sources: Iterable[str], jobs: int = 1) -> list[Rul
     ):
         if file in texts:
             columns.setdefault(RuleFinding(file, int(row), rule), set()).add(int(column))
-    lines = {each: texts[each.file].splitlines()[each.line - 1] for each in sorted(columns)}
-    internal = Counter(_identifier(line) for each, line in lines.items() if each.rule == "5.9")
+    lines = {finding: texts[finding.file].splitlines()[finding.line - 1] for finding in sorted(columns)}
+    internal = Counter(_identifier(line) for finding, line in lines.items() if finding.rule == "5.9")
     ones = set(re.findall(r"^#define ([A-Z][A-Z0-9_]*_N) 1\b", "\n".join(texts.values()), re.MULTILINE))
-    return [each for each, line in lines.items() if not _is_mistaken(each, line, columns[each], internal, ones)]
+    return [
+        finding for finding, line in lines.items() if not _is_mistaken(finding, line, columns[finding], internal, ones)
+    ]
 
 
 def _is_mistaken(
@@ -251,7 +253,7 @@ def _is_mistaken(
     if finding.rule == "2.2":
         products = [re.search(r"\* ([A-Z][A-Z0-9_]*_N)$", line[: _end(line, column)]) for column in columns]
         others = re.search(r"[-+*/] \(*(\(\w+\))?[01]u?\b|\b[01]u?\)* [-+*]", line)
-        return others is None and all(each is not None and each[1] in ones for each in products)
+        return others is None and all(factor is not None and factor[1] in ones for factor in products)
     if finding.rule in ("2.4", "5.7"):
         return re.match(r"(typedef )?(enum|struct) \{", line) is not None
     return finding.rule == "5.9" and internal[_identifier(line)] == 1
@@ -259,19 +261,19 @@ def _is_mistaken(
 
 def _end(line: str, column: int) -> int:
     """Where the name ends that begins at ``column``, counted from 1."""
-    found = re.match(r"\w*", line[column - 1 :])
-    return column - 1 + (found.end() if found else 0)
+    name = re.match(r"\w*", line[column - 1 :])
+    return column - 1 + (name.end() if name else 0)
 
 
 def _identifier(line: str) -> str:
     """The name that a line declares: what stands in front of its parameters, size or value."""
-    found = re.search(r"(\w+)\s*[(\[=;]", line)
-    return found[1] if found else line
+    declaration = re.search(r"(\w+)\s*[(\[=;]", line)
+    return declaration[1] if declaration else line
 
 
-def coding_rules_entry(found: Iterable[RuleFinding], sources: Iterable[str]) -> dict[str, Any]:
+def coding_rules_entry(rule_findings: Iterable[RuleFinding], sources: Iterable[str]) -> dict[str, Any]:
     """The entry ``coding_rules`` of the certificate: one row for each rule, with its category and what holds."""
-    counts = Counter(each.rule for each in found)
+    counts = Counter(finding.rule for finding in rule_findings)
     rows = []
     for rule in RULES:
         if rule in UNCHECKED:
@@ -306,5 +308,5 @@ def checked_with_cppcheck(files: Mapping[str, Contents], jobs: int = 1) -> tuple
     reason = (
         f"has more than {LONGEST_FUNCTION} lines, too many for cppcheck: a test checks what the same printer writes"
     )
-    left = [each for path in sources for each in pieces(str(files[path]))[1]]
-    return {"coding_rules": entry}, [(f"coding rules of {each.name}", reason) for each in left]
+    left = [function for path in sources for function in pieces(str(files[path]))[1]]
+    return {"coding_rules": entry}, [(f"coding rules of {function.name}", reason) for function in left]

@@ -84,7 +84,7 @@ _RETURN_ARM = re.compile(
 _BRANCH_ARM = re.compile(rf"^b({_CONDITION})?(\.n|\.w)?$")
 
 
-def disassembled(processor: Processor, file: Path) -> dict[str, dict[int, Instruction]]:
+def disassemble(processor: Processor, file: Path) -> dict[str, dict[int, Instruction]]:
     """The functions of an object file: name -> address -> instruction."""
     command = [processor.objdump, "-dr", "--no-show-raw-insn", file.name]
     text = subprocess.run(command, cwd=file.parent, capture_output=True, text=True, check=True).stdout
@@ -167,13 +167,13 @@ class LongestPaths:
                 raise NoPathError("a jump or call through a table")
             if address not in entered:
                 entered.add(address)
-                ahead = [each for each in instruction.successors if each not in length]
-                if any(each in entered for each in ahead):
+                ahead = [successor for successor in instruction.successors if successor not in length]
+                if any(successor in entered for successor in ahead):
                     raise NoPathError("a loop")
                 waiting += ahead
                 continue
             waiting.pop()
-            rest = [length[each] for each in instruction.successors]
+            rest = [length[successor] for successor in instruction.successors]
             if instruction.returns:
                 rest.append(0)
             longest = max(rest, default=-1)
@@ -206,7 +206,7 @@ class Count(NamedTuple):
     stack: int
 
 
-def counted(processor: Processor, files: Mapping[str, Contents], directory: Path) -> dict[str, Count]:
+def count_instructions(processor: Processor, files: Mapping[str, Contents], directory: Path) -> dict[str, Count]:
     """Compile the C sources among ``files`` in ``directory`` for a processor; counts by the name of the C function."""
     functions: dict[str, dict[int, Instruction]] = {}
     frames: dict[str, int] = {}
@@ -219,7 +219,7 @@ def counted(processor: Processor, files: Mapping[str, Contents], directory: Path
         stem = Path(path).stem
         command = [*processor.compiler, *FLAGS, "-fstack-usage", "-c", path, "-o", f"{stem}.o"]
         subprocess.run(command, cwd=directory, check=True, capture_output=True)
-        functions |= disassembled(processor, directory / f"{stem}.o")
+        functions |= disassemble(processor, directory / f"{stem}.o")
         for line in (directory / f"{stem}.su").read_text(encoding="utf-8").splitlines():
             place, size, _ = line.split("\t")
             frames[place.split(":")[-1]] = int(size)
@@ -249,12 +249,12 @@ def counts_entry(
     """The certificate's entry about instructions and stack of the model ``functions``; what was not counted and why."""
     skipped: list[tuple[str, str]] = []
     by_processor: dict[str, dict[str, Count]] = {}
-    for processor in (each for each in PROCESSORS if not (each.single_only and real == "double")):
+    for processor in (candidate for candidate in PROCESSORS if not (candidate.single_only and real == "double")):
         if processor.missing:
             skipped.append((f"instructions on {processor.name}", f"not installed: {', '.join(processor.missing)}"))
         else:
             with tempfile.TemporaryDirectory(prefix="rrrgen-counts-") as folder:
-                by_processor[processor.name] = counted(processor, files, Path(folder))
+                by_processor[processor.name] = count_instructions(processor, files, Path(folder))
     if not by_processor:
         return {}, skipped
     rows = []

@@ -133,7 +133,7 @@ def derivative_residuals(
     sizes = [[max(-low, high) for low, high in row] for row in enclosures(right, around)]
     wide = sizes[0]
     errors = rounding_bounds(right, around)
-    found = []
+    residuals = []
     for precision, inside, of_right in zip(
         PRECISIONS, (factors.double[0], factors.single[0]), (errors.double, errors.single), strict=True
     ):
@@ -146,11 +146,11 @@ def derivative_residuals(
             for k, (name, width) in enumerate(zip(OUTPUTS, (1, n, n), strict=False))
         }
         rows["dddq_dtau"] = [bounds.inverse[i][j] for i in range(n) for j in range(n)]
-        found.append({name: read.in_joints(name, row) for name, row in rows.items()})
+        residuals.append({name: read.in_joints(name, row) for name, row in rows.items()})
     least = [0.0, 0.0]
     if of_margins is not None:
         least = [max(row[0]) / float(PIVOT_TOLERANCE) for row in (of_margins.double, of_margins.single)]
-    return DerivativeResiduals(found[0], found[1], least[0], least[1], errors.parts)
+    return DerivativeResiduals(residuals[0], residuals[1], least[0], least[1], errors.parts)
 
 
 _GIVEN = "given_ddq"
@@ -195,23 +195,23 @@ class _Weighted:
 
     def right_side(self, sizes: Sequence[float], limits: Sequence[float]) -> list[float]:
         """Bounds of the magnitudes of w, which are at most ``sizes``, from the ``limits`` of those of x."""
-        found = list(sizes)
+        bounds = list(sizes)
         for _ in range(2):
-            through = sum(x * size for x, size in zip(self._H, found, strict=True))
-            found = [
+            through = sum(x * size for x, size in zip(self._H, bounds, strict=True))
+            bounds = [
                 min(
-                    found[k],
+                    bounds[k],
                     MARGIN
                     * (
                         sum(x * limit for x, limit in zip(self._mass[k], limits, strict=True))
-                        + sum(x * size for x, size in zip(self.inverse[k], found, strict=True))
+                        + sum(x * size for x, size in zip(self.inverse[k], bounds, strict=True))
                         + self._through[k] * through
                         + 2.0 * self._n * self._smallest * sum(self._mass[k])
                     ),
                 )
                 for k in range(self._n)
             ]
-        return found
+        return bounds
 
     def of_product(self, sizes: Sequence[float], errors: Sequence[float], i: int, j: int, width: int) -> float:
         """The bound of element (i, j) of ``M P Q - Q``, for Q of this width with magnitudes and errors row by row."""
@@ -290,12 +290,12 @@ class _DerivativeReader(Factorization):
         """The sums of the factorization. Raises NoBoundError if a sum is not the one of the factorization."""
         cut = Cut(self)
         triangle = self.triangle(cut)
-        (entries,), value = self.evaluated(cut, [triangle])
+        (entries,), value = self.evaluate_at_random(cut, [triangle])
         self.compare(entries, value)
-        own = [self.summands(index) for index in self.pivots]
+        summands = [self.summands(index) for index in self.pivots]
         most = max((len(self.leaves(index)) for index in self.pivots if index is not None), default=1)
         return Form(
-            self.n, self.order, cut.program([triangle]), tuple(cut.operands), with_results(self.program, own), most
+            self.n, self.order, cut.program([triangle]), tuple(cut.operands), with_results(self.program, summands), most
         )
 
     def margins_at_zero(self) -> Program:
@@ -311,7 +311,7 @@ class _DerivativeReader(Factorization):
             base = self.plain(pivot)
             grows = 1 if self.values[base] == self.values[pivot] else -1
             results.append(self._without(self.margins[pivot], base, grows, nodes))
-        program = with_results(self.program.described(nodes=tuple(nodes)), [results])
+        program = with_results(self.program.with_fields(nodes=tuple(nodes)), [results])
         values = exact_values(program, [self.state[port.name] for port in program.inputs])
         wanted = [
             -self.M[k][k] * mpmath.mpf(PIVOT_TOLERANCE.numerator) / PIVOT_TOLERANCE.denominator
@@ -371,12 +371,12 @@ class _DerivativeReader(Factorization):
                 continue
             sign = 1 if (self.values[index] > 0) == (self._X[i][j] > 0) else -1
             try:
-                products = self._expanded(index, partial(self._operand, row=i))
+                products = self._expand(index, partial(self._operand, row=i))
             except NoBoundError:
                 continue
             if self._agree(products, expected, sign):
                 self._keys[index] = (("X", i, j), sign)
-                self.roundings_of_X = max(self.roundings_of_X, *(each.roundings for each in products))
+                self.roundings_of_X = max(self.roundings_of_X, *(product.roundings for product in products))
                 return
         raise NoBoundError(REARRANGED)
 
@@ -385,10 +385,10 @@ class _DerivativeReader(Factorization):
 
         L_kj stands for X_kj where that is its negative, except for the row of L in the sum of X_ij.
         """
-        found = self._keys.get(index)
-        if found is None or found[0][0] != "L" or found[0][1] == row:
-            return found
-        (_, i, j), sign = found
+        operand = self._keys.get(index)
+        if operand is None or operand[0][0] != "L" or operand[0][1] == row:
+            return operand
+        (_, i, j), sign = operand
         return (("X", i, j), -sign) if self._negative[i, j] else None
 
     def _take_P(self, i: int, j: int) -> None:
@@ -407,10 +407,10 @@ class _DerivativeReader(Factorization):
             return
         self._entries_of_P.add((i, j))
         sign = 1 if (self.values[index] > 0) == (value > 0) else -1
-        products = self._expanded(index, self._operand, root=True)
+        products = self._expand(index, self._operand, root=True)
         if not self._agree(products, expected, sign):
             raise NoBoundError(REARRANGED)
-        self.roundings_of_P = max(self.roundings_of_P, *(each.roundings for each in products))
+        self.roundings_of_P = max(self.roundings_of_P, *(product.roundings for product in products))
         # a number or the reciprocal itself may stand for entries of several places
         known = self._P.setdefault(index, (min(i, j), max(i, j), sign))
         if known != (min(i, j), max(i, j), sign):
@@ -418,33 +418,33 @@ class _DerivativeReader(Factorization):
 
     def _agree(self, products: Sequence[_Product], expected: Mapping[tuple[_Key, ...], int], sign: int) -> bool:
         """Whether the expanded sum has the ``expected`` products, each once and with its sign times ``sign``."""
-        found = Counter((each.operands, each.sign * sign) for each in products)
-        return found == Counter(expected.items())
+        occurrences = Counter((product.operands, product.sign * sign) for product in products)
+        return occurrences == Counter(expected.items())
 
-    def _expanded(self, index: int, leaf: _Leaf, root: bool = False) -> list[_Product]:
+    def _expand(self, index: int, leaf: _Leaf, root: bool = False) -> list[_Product]:
         """The sum of products of operands that a node is; ``root``: the node itself counts as no operand.
 
         Raises NoBoundError if it is none.
         """
-        found = None if root and self.nodes[index].op is Op.SELECT else leaf(index)
-        if found is not None:
-            return [_Product(found[1], (found[0],), 0)]
+        operand = None if root and self.nodes[index].op is Op.SELECT else leaf(index)
+        if operand is not None:
+            return [_Product(operand[1], (operand[0],), 0)]
         node = self.nodes[index]
         if node.op is Op.CONST and node.number in (-1, 0, 1):
             return [_Product(int(node.number), (), 0)] if node.number else []
         if node.op is Op.NEG:
-            return [each._replace(sign=-each.sign) for each in self._expanded(node.args[0], leaf)]
+            return [product._replace(sign=-product.sign) for product in self._expand(node.args[0], leaf)]
         if node.op is Op.SELECT and node.args[0] == self._status:
-            return self._expanded(node.args[2], leaf)
+            return self._expand(node.args[2], leaf)
         if node.op is Op.ADD or node.op is Op.SUB:
-            first, second = (self._expanded(arg, leaf) for arg in node.args)
+            first, second = (self._expand(arg, leaf) for arg in node.args)
             turned = -1 if node.op is Op.SUB else 1
             return [
-                *(each._replace(roundings=each.roundings + 1) for each in first),
-                *(_Product(turned * each.sign, each.operands, each.roundings + 1) for each in second),
+                *(product._replace(roundings=product.roundings + 1) for product in first),
+                *(_Product(turned * product.sign, product.operands, product.roundings + 1) for product in second),
             ]
         if node.op is Op.MUL:
-            first, second = (self._expanded(arg, leaf) for arg in node.args)
+            first, second = (self._expand(arg, leaf) for arg in node.args)
             return [
                 _Product(a.sign * b.sign, tuple(sorted(a.operands + b.operands)), a.roundings + b.roundings + 1)
                 for a in first
@@ -457,13 +457,13 @@ class _DerivativeReader(Factorization):
     def _right_sides(self) -> list[dict[tuple[int, int], tuple[int, int]]]:
         """The nodes of w, Q and V with their signs, by row in the order of elimination and by column."""
         holds = self._holding()
-        found = []
+        tables = []
         for output, width in zip(self.program.results[:3], (1, self.n, self.n), strict=True):
             table: dict[tuple[int, int], tuple[int, int]] = {}
             rows: dict[tuple[int, int], list[int]] = {}
             for i, joint in enumerate(self.order):
                 for j in range(width):
-                    products = self._multiplied(output[width * joint + j], holds, i)
+                    products = self._products_with_P(output[width * joint + j], holds, i)
                     rows[i, j] = sorted(k for k, *_ in products)
                     for k, sign, other, roundings in products:
                         self.roundings_of_products = max(self.roundings_of_products, roundings)
@@ -472,8 +472,8 @@ class _DerivativeReader(Factorization):
             for (i, j), row in rows.items():  # every row has each product once, but for entries of P that are zero
                 if row != [k for k in range(self.n) if (k, j) in table and (i, k) in self._entries_of_P]:
                     raise NoBoundError(REARRANGED)
-            found.append(table)
-        return found
+            tables.append(table)
+        return tables
 
     def _holding(self) -> list[bool]:
         """For every node whether it depends on entries of P otherwise than through x."""
@@ -483,7 +483,7 @@ class _DerivativeReader(Factorization):
             holds.append(index in self._P or of_args)
         return holds
 
-    def _multiplied(self, index: int, holds: Sequence[bool], row: int) -> list[tuple[int, int, int, int]]:
+    def _products_with_P(self, index: int, holds: Sequence[bool], row: int) -> list[tuple[int, int, int, int]]:
         """The products ``-P_ik Q_kj`` of a sum, i = ``row``: k, sign and node of Q_kj, and the roundings."""
 
         def walk(index: int, root: bool = False) -> list[tuple[int, int, int | None, int]]:
@@ -522,12 +522,12 @@ class _DerivativeReader(Factorization):
                 return products
             raise NoBoundError(REARRANGED)
 
-        found = []
+        summands = []
         for k, sign, other, count in walk(index, root=True):
             if other is None:
                 raise NoBoundError(REARRANGED)
-            found.append((k, -sign, other, count))  # the sum is minus P times Q
-        return found
+            summands.append((k, -sign, other, count))  # the sum is minus P times Q
+        return summands
 
     def right_sides(self) -> Program:
         """The program of w, Q and V, row by row in the order of elimination, with x as an input.
@@ -544,7 +544,7 @@ class _DerivativeReader(Factorization):
             [table.get((i, j), (zero, 1))[0] for i in range(n) for j in range(width)]
             for table, width in zip(self._right, widths, strict=True)
         ]
-        wide = given.described(nodes=tuple(nodes), inputs=(*given.inputs, Port(_GIVEN, (n,))))
+        wide = given.with_fields(nodes=tuple(nodes), inputs=(*given.inputs, Port(_GIVEN, (n,))))
         program = with_results(wide, results)
         if any(node.op is Op.DIV or node.op is Op.SELECT for node in program.nodes):
             raise NoBoundError(REARRANGED)

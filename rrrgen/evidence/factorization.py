@@ -54,7 +54,7 @@ def factorization_facts(program: Program, mass: Program, box: Box) -> list[Fact]
     known = {port.name: box[port.name] for port in program.inputs if port.role is not Role.TORQUE}
     with mpmath.workdps(DIGITS):
         read = in_either_order(
-            torque_port(program).size, lambda order: _compared(Factorization(program, mass, state, order))
+            torque_port(program).size, lambda order: _require_same_sums(Factorization(program, mass, state, order))
         )
     rows = enclosures(with_results(program, [read.summands(index) for index in read.pivots]), known, budget=0.0)
     u, n = DOUBLE.roundoff, read.n
@@ -77,10 +77,10 @@ def factorization_facts(program: Program, mass: Program, box: Box) -> list[Fact]
     return facts
 
 
-def _compared(read: Factorization) -> Factorization:
+def _require_same_sums(read: Factorization) -> Factorization:
     """The factorization, if its sums are those of the analysis. Raises NoBoundError if not."""
     cut = Cut(read)
-    (triangle,), value = read.evaluated(cut, [read.triangle(cut)])
+    (triangle,), value = read.evaluate_at_random(cut, [read.triangle(cut)])
     read.compare(triangle, value)
     return read
 
@@ -94,8 +94,8 @@ def in_either_order(n: int, read: Callable[[tuple[int, ...]], _Read]) -> _Read:
     for order in dict.fromkeys((tuple(range(n)), tuple(reversed(range(n))))):
         try:
             return read(order)
-        except NoBoundError as found:
-            reason = found
+        except NoBoundError as fault:
+            reason = fault
     raise reason
 
 
@@ -344,15 +344,15 @@ class Factorization:
         depends: list[bool] = []
         for node in self.nodes:
             kinds = [self.roles[arg].kind for arg in node.args if arg in self.roles]
-            own = node.op is Op.DIV or (node.op is Op.MUL and "r" in kinds)
-            depends.append(own or any(depends[arg] for arg in node.args))
+            reciprocal = node.op is Op.DIV or (node.op is Op.MUL and "r" in kinds)
+            depends.append(reciprocal or any(depends[arg] for arg in node.args))
         return depends
 
     # -- sums --------------------------------------------------------------------------------------------------
 
     def triangle(self, cut: Cut) -> list[int]:
         """The copies of the pivots and of the entries below them, row by row, that ``cut`` makes."""
-        found = []
+        copies = []
         for i in range(self.n):
             for j in range(i + 1):
                 index = self.pivots[i] if i == j else self.entries.get((i, j))
@@ -362,14 +362,14 @@ class Factorization:
                     if self.S[i][k] != 0 and self.S[j][k] != 0
                     for a, b in ((i, j), (j, i))
                 }
-                found.append(cut.zero() if index is None else cut.copied(index, products))
-        return found
+                copies.append(cut.zero() if index is None else cut.copy_sum(index, products))
+        return copies
 
     def summands(self, index: int | None) -> list[int]:
         """The summands of a sum that are no products of operands."""
         return [leaf for leaf in ([] if index is None else self.leaves(index)) if not self.depends[leaf]]
 
-    def evaluated(
+    def evaluate_at_random(
         self, cut: Cut, results: Sequence[Sequence[int]]
     ) -> tuple[list[list[Any]], Callable[[str, int, int], Any]]:
         """The sums of ``cut`` at random operands, and the function that returns operands by kind, row and column.
@@ -405,11 +405,11 @@ class Factorization:
                     products = [value("S", i, k) * value("L", j, k) for k in range(j)]
                     self.agree(triangle[in_triangle(i, j)], self.M[i][j], products)
 
-    def agree(self, found: Any, first: Any, subtracted: Sequence[Any]) -> None:
-        """Raise NoBoundError unless ``found`` is ``first`` minus what is ``subtracted``, or its negative."""
+    def agree(self, value: Any, first: Any, subtracted: Sequence[Any]) -> None:
+        """Raise NoBoundError unless ``value`` is ``first`` minus what is ``subtracted``, or its negative."""
         expected = first - sum(subtracted)
-        size = abs(first) + sum(abs(each) for each in subtracted)
-        if abs(abs(found) - abs(expected)) > size * mpmath.mpf(10) ** -SAME:
+        size = abs(first) + sum(abs(term) for term in subtracted)
+        if abs(abs(value) - abs(expected)) > size * mpmath.mpf(10) ** -SAME:
             raise NoBoundError(REARRANGED)
 
 
@@ -426,44 +426,44 @@ class Cut:
     def zero(self) -> int:
         """The number of a node that is zero."""
         if self._zero is None:
-            self._zero = self._added(Node(Op.CONST, (), 0))
+            self._zero = self._add(Node(Op.CONST, (), 0))
         return self._zero
 
-    def copied(self, root: int, products: set[frozenset[tuple[str, int, int]]]) -> int:
+    def copy_sum(self, root: int, products: set[frozenset[tuple[str, int, int]]]) -> int:
         """The number of the copy of node ``root``, a sum in which ``products`` of operands may occur."""
         reader = self.reader
         node = reader.nodes[root]
         if not reader.depends[root]:
-            return self._kept(root)
+            return self._copy_unchanged(root)
         if node.op is Op.MUL:
             plain = [reader.roles.get(reader.plain(arg)) for arg in node.args]
             if {(o.kind, o.row, o.column) for o in plain if o is not None} not in products:
                 raise NoBoundError(REARRANGED)
-            return self._added(Node(Op.MUL, tuple(self._operand(arg) for arg in node.args)))
+            return self._add(Node(Op.MUL, tuple(self._operand(arg) for arg in node.args)))
         if node.op not in SUMS:
             raise NoBoundError(REARRANGED)
-        return self._added(Node(node.op, tuple(self.copied(arg, products) for arg in node.args)))
+        return self._add(Node(node.op, tuple(self.copy_sum(arg, products) for arg in node.args)))
 
-    def _kept(self, root: int) -> int:
+    def _copy_unchanged(self, root: int) -> int:
         """The number of the copy of a node without quotients."""
         for index in reachable(self.reader.nodes, [root]):
             if index not in self._copies:
                 node = self.reader.nodes[index]
-                self._copies[index] = self._added(node._replace(args=tuple(self._copies[arg] for arg in node.args)))
+                self._copies[index] = self._add(node._replace(args=tuple(self._copies[arg] for arg in node.args)))
         return self._copies[root]
 
     def _operand(self, index: int) -> int:
         """The number of the input that stands for a computed quantity, or of its change of sign."""
         node = self.reader.nodes[index]
         if node.op is Op.NEG:
-            return self._added(Node(Op.NEG, (self._operand(node.args[0]),)))
+            return self._add(Node(Op.NEG, (self._operand(node.args[0]),)))
         if index not in self._inputs:
             place = len(self.reader.program.inputs), len(self.operands)
-            self._inputs[index] = self._added(Node(Op.INPUT, (), place))
+            self._inputs[index] = self._add(Node(Op.INPUT, (), place))
             self.operands.append(self.reader.roles[index])
         return self._inputs[index]
 
-    def _added(self, node: Node) -> int:
+    def _add(self, node: Node) -> int:
         self.nodes.append(node)
         return len(self.nodes) - 1
 
@@ -471,7 +471,7 @@ class Cut:
         """The program of these nodes, one output for every list of results."""
         given = self.reader.program
         port = Port(OPERANDS, (len(self.operands),))
-        return with_results(given.described(nodes=tuple(self.nodes), inputs=(*given.inputs, port)), results)
+        return with_results(given.with_fields(nodes=tuple(self.nodes), inputs=(*given.inputs, port)), results)
 
 
 SUMS = (Op.ADD, Op.SUB, Op.NEG)
@@ -489,7 +489,7 @@ def with_results(program: Program, results: Sequence[Sequence[int]]) -> Program:
     nodes = tuple(
         program.nodes[old]._replace(args=tuple(place[arg] for arg in program.nodes[old].args)) for old in kept
     )
-    return program.described(
+    return program.with_fields(
         nodes=nodes,
         outputs=tuple(Port(f"sums{k}", (len(row),)) for k, row in enumerate(results)),
         results=tuple(tuple(place[index] for index in row) for row in results),

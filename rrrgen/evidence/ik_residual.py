@@ -56,17 +56,17 @@ def largest_residual(model: Model, seed: int) -> Residuals | None:
         goals = arm.poses(q)
         given: dict[str, Any] = {}
         if solver.plan.locked is not None:
-            given["redundancy"] = np.array([solver.parameter(each) for each in q])
-        found = solver.solve_batch(goals[:, :3, 3] if arm.position else goals, limits=False, **given)
-        owner = np.repeat(np.arange(len(q)), found.counts)
-        every = np.concatenate([rows[:count] for rows, count in zip(found.q, found.counts, strict=True)])
+            given["redundancy"] = np.array([solver.parameter(configuration) for configuration in q])
+        solutions = solver.solve_batch(goals[:, :3, 3] if arm.position else goals, limits=False, **given)
+        owner = np.repeat(np.arange(len(q)), solutions.counts)
+        every = np.concatenate([rows[:count] for rows, count in zip(solutions.q, solutions.counts, strict=True)])
         worst = np.zeros(len(q))
         np.maximum.at(worst, owner, arm.distance(goals[owner], every))
         return worst
 
     eighths = np.pi / 4.0 * rng.integers(-4, 5, (SINGULAR, arm.n)) * np.where(arm.revolute, 1.0, 0.1)
     near = eighths + 10.0 ** rng.uniform(-12.0, -1.0, (SINGULAR, 1)) * rng.uniform(-1.0, 1.0, (SINGULAR, arm.n))
-    q = np.concatenate([arm.drawn(RANDOM, rng), near])
+    q = np.concatenate([arm.draw_configurations(RANDOM, rng), near])
     worst, targets = residuals(q), len(q)
     for step in range(_STEPS):
         order = np.argsort(-worst, kind="stable")[:_CLIMBED]
@@ -83,8 +83,8 @@ def inverse_kinematics_row(model: Model, forward: Mapping[str, Any] | None, seed
 
     ``forward`` are the bounds of forward kinematics by output, in the precision of the code, if there are any.
     """
-    found = largest_residual(model, seed)
-    if found is None:
+    residuals = largest_residual(model, seed)
+    if residuals is None:
         return None
     reason = (
         "angles have no bound near a singular position; the code checks the residual, but not by forward kinematics "
@@ -92,8 +92,8 @@ def inverse_kinematics_row(model: Model, forward: Mapping[str, Any] | None, seed
     )
     instead = (
         f"the pose of every solution, by independent forward kinematics, misses its target by at most "
-        f"{found.largest:.2g} (entries of the rotation, position over {found.reach:.3g} m) for {found.targets} random, "
-        "nearly singular and sought targets, in double"
+        f"{residuals.largest:.2g} (entries of the rotation, position over {residuals.reach:.3g} m) for "
+        f"{residuals.targets} random, nearly singular and sought targets, in double"
     )
     if forward is not None:
         worst = max(value for row in forward.values() for value in row)

@@ -239,11 +239,11 @@ def _evaluation_script(real: Real, low: Fraction, high: Fraction, fused: bool) -
         lines += [f"{letter}p{last} = {letter}{last};", f"{letter.upper()}P{last} = {letter}{last};"]
         for k in reversed(range(last)):
             product = f"z * {letter}p{k + 1}"
-            lines += _rounded(f"{letter}p{k}", f"{letter}{k}", product, f"{letter}m{k}", fused)
+            lines += _multiply_add_lines(f"{letter}p{k}", f"{letter}{k}", product, f"{letter}m{k}", fused)
             lines.append(f"{letter.upper()}P{k} = {letter}{k} + Z * {letter.upper()}P{k + 1};")
-    lines += ["rz rnd= r * z;", *_rounded("s", "r", "rz * sp0", "sm", fused), "S = r + r * Z * SP0;"]
+    lines += ["rz rnd= r * z;", *_multiply_add_lines("s", "r", "rz * sp0", "sm", fused), "S = r + r * Z * SP0;"]
     lines += ["half = 0.5 * z;", "one rnd= 1 - half;", "zz rnd= z * z;"]
-    lines += [*_rounded("c", "one", "zz * cp0", "cm", fused), "C = (1 - 0.5 * Z) + Z * Z * CP0;"]
+    lines += [*_multiply_add_lines("c", "one", "zz * cp0", "cm", fused), "C = (1 - 0.5 * Z) + Z * Z * CP0;"]
     lines.append(f"{{ R in [{_decimal(low)}, {_decimal(high)}] -> s - S in ? /\\ c - C in ? }}")
     return "\n".join(lines) + "\n"
 
@@ -256,7 +256,7 @@ def _decimal(value: Fraction) -> str:
     return f"{digits.numerator}e-9"
 
 
-def _rounded(name: str, term: str, product: str, temporary: str, fused: bool) -> list[str]:
+def _multiply_add_lines(name: str, term: str, product: str, temporary: str, fused: bool) -> list[str]:
     if fused:
         return [f"{name} = rnd({term} + {product});"]
     return [f"{temporary} rnd= {product};", f"{name} rnd= {term} + {temporary};"]

@@ -103,7 +103,7 @@ def residual_bounds(program: Program, mass: Program, bias: Program, box: Box, re
         (torques[i] + G[i] * Z + g * (plain[n + i] + G[i] * Z)) / (1.0 - g) * (1.0 + 3.0 * c) * MARGIN for i in range(n)
     ]
     final = form.bounds(known, G, Z, sizes)
-    found = []
+    bounds = []
     for precision, (inside, right) in zip(PRECISIONS, (final.double, final.single), strict=True):
         u = precision.roundoff
         c = (n + 1) * u / (1.0 - (n + 1) * u)
@@ -115,8 +115,8 @@ def residual_bounds(program: Program, mass: Program, bias: Program, box: Box, re
             + tiny
             for i in range(n)
         ]
-        found.append(tuple(rows[order.index(k)] * MARGIN for k in range(n)))
-    return ResidualBounds(found[0], found[1], final.parts)
+        bounds.append(tuple(rows[order.index(k)] * MARGIN for k in range(n)))
+    return ResidualBounds(bounds[0], bounds[1], final.parts)
 
 
 def _read(program: Program, mass: Program, bias: Program, box: Box) -> Form:
@@ -139,13 +139,13 @@ class _SolutionReader(Factorization):
         h = exact_values(bias, [state[port.name] for port in bias.inputs])
         tau = state[torque_port(program).name]
         self.rhs = [tau[i] - h[bias.results[0][i]] for i in order]
-        self.y, self.x = self._solved()
-        self.solution = [self._chosen(program.results[0][i]) for i in order]
+        self.y, self.x = self._solve()
+        self.solution = [self._node_when_ok(program.results[0][i]) for i in order]
         for k, index in enumerate(self.solution):
             self.take(index, "x", k, k, self.x[k])
         self.right = [self._right_side(k) for k in range(self.n)]
 
-    def _solved(self) -> tuple[list[Any], list[Any]]:
+    def _solve(self) -> tuple[list[Any], list[Any]]:
         """y (n,) of L y = rhs, and x (n,) of L' x = y / D with the pivots D, the diagonal of S.
 
         x are the accelerations at the state, in the order of elimination.
@@ -160,7 +160,7 @@ class _SolutionReader(Factorization):
                 x[i] -= L[k][i] * x[k]
         return y, x
 
-    def _chosen(self, index: int) -> int:
+    def _node_when_ok(self, index: int) -> int:
         """The node that a result holds where the status is ok."""
         node = self.nodes[index]
         return node.args[2] if node.op is Op.SELECT else index
@@ -184,28 +184,30 @@ class _SolutionReader(Factorization):
         """The form of the program. Raises NoBoundError if a sum is not the one of the factorization."""
         n, cut = self.n, Cut(self)
         triangle = self.triangle(cut)
-        right = [cut.copied(self.right[i], {frozenset({("L", i, k), ("y", k, k)}) for k in range(i)}) for i in range(n)]
+        right = [
+            cut.copy_sum(self.right[i], {frozenset({("L", i, k), ("y", k, k)}) for k in range(i)}) for i in range(n)
+        ]
         solution = [
-            cut.copied(
+            cut.copy_sum(
                 self.solution[i],
                 {frozenset({("r", i, i), ("y", i, i)})}
                 | {frozenset({("L", k, i), ("x", k, k)}) for k in range(i + 1, n)},
             )
             for i in range(n)
         ]
-        (entries, sides, results), value = self.evaluated(cut, [triangle, right, solution])
+        (entries, sides, results), value = self.evaluate_at_random(cut, [triangle, right, solution])
         self.compare(entries, value)
         for i in range(n):
             self.agree(sides[i], self.rhs[i], [value("L", i, k) * value("y", k, k) for k in range(i)])
             below = [value("L", k, i) * value("x", k, k) for k in range(i + 1, n)]
             self.agree(results[i], value("r", i, i) * value("y", i, i), below)
         roots = [*self.pivots, *self.right]
-        own = [[leaf for leaf in self.summands(index) if not self._is_torque(leaf)] for index in roots]
+        summands = [[leaf for leaf in self.summands(index) if not self._is_torque(leaf)] for index in roots]
         return Form(
             n,
             self.order,
             cut.program([triangle, right]),
             tuple(cut.operands),
-            with_results(self.program, own),
+            with_results(self.program, summands),
             max(len(self.leaves(index)) for index in roots if index is not None),
         )

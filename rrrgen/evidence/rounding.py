@@ -202,8 +202,8 @@ def enclosures(program: Program, box: Box, budget: float = _BUDGET) -> list[list
     ``budget`` limits the work as for :func:`rounding_bounds`. Raises NoBoundError where there is no bound.
     """
     analysis = _Analysis(program, box)
-    found = analysis.enclosures(analysis.affordable_parts(budget))
-    return [[found[index] for index in row] for row in program.results]
+    bounds = analysis.enclosures(analysis.affordable_parts(budget))
+    return [[bounds[index] for index in row] for row in program.results]
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -219,7 +219,7 @@ def _up(x: Array) -> Array:
     return np.nextafter(x, np.inf)
 
 
-def _widened(x: Interval, radius: Array | float) -> Interval:
+def _widen(x: Interval, radius: Array | float) -> Interval:
     return _down(x[0] - radius), _up(x[1] + radius)
 
 
@@ -304,7 +304,7 @@ def _stretch(multiple: int) -> float:
     return RHO if multiple == 1 else 1.0 + 2.0 * (RHO**2 + 1.0) * (RHO**2 - 1.0) * _MARGIN
 
 
-def _joined(first: _Vectors, second: _Vectors, turned: bool) -> _Vectors:
+def _join(first: _Vectors, second: _Vectors, turned: bool) -> _Vectors:
     """Two scalar products as one; ``turned``: with the vectors of the second in each other's place."""
     (a, b), (c, d) = first, second[:: -1 if turned else 1]
     return a + c, b + d
@@ -434,7 +434,7 @@ class _Rotation(NamedTuple):
 
     def is_orthogonal_to(self, other: _Rotation) -> bool:
         """Whether both are rows (a c, b s) and (d s, e c) on the same pair, whose products cancel."""
-        angles = [(each.parts[0].turned.angle, each.multiple) for each in (self, other)]
+        angles = [(rotation.parts[0].turned.angle, rotation.multiple) for rotation in (self, other)]
         if angles[0] != angles[1] or self.pair != other.pair[::-1]:
             return False
         (a, b), (e, d) = ([part.sign for part in rotation.parts] for rotation in (self, other))
@@ -573,7 +573,7 @@ class _Ranges:
         low, high = self.ranges[index]
         return (low, high) if sign > 0 else (-high, -low)
 
-    def _signed(self, index: int) -> tuple[int, int]:
+    def _split_sign(self, index: int) -> tuple[int, int]:
         """The node behind changes of sign, with its sign: (0, 0) for zero."""
         sign = 1
         while self.nodes[index].op is Op.NEG:
@@ -582,15 +582,15 @@ class _Ranges:
             return 0, 0
         return sign, index
 
-    def _compared(self, condition: int) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    def _comparisons(self, condition: int) -> list[tuple[tuple[int, int], tuple[int, int]]]:
         """The ways to read ``condition > 0`` as ``p > m``: nodes p and m with their signs."""
-        sign, index = self._signed(condition)
+        sign, index = self._split_sign(condition)
         if sign == 0:
             return []
         node = self.nodes[index]
         ways = [((sign, index), (0, 0))]
         if node.op is Op.ADD or node.op is Op.SUB:
-            (s, a), (t, b) = map(self._signed, node.args)
+            (s, a), (t, b) = map(self._split_sign, node.args)
             s, t = s * sign, t * sign * (1 if node.op is Op.ADD else -1)
             ways += [((s, a), (-t, b)), ((t, b), (-s, a))]
         return ways
@@ -602,8 +602,8 @@ class _Ranges:
         ``p > m ? m : max(p, l)`` with ``l <= m`` is ``min(m, max(p, l))``: where p = m both branches are m. Likewise
         ``p > m ? p : min(m, u)`` with ``u >= p`` is ``max(p, min(m, u))``.
         """
-        x, y = map(self._signed, node.args[1:])
-        for p, m in self._compared(node.args[0]):
+        x, y = map(self._split_sign, node.args[1:])
+        for p, m in self._comparisons(node.args[0]):
             if (x, y) in ((p, m), (m, p)):
                 return _Extremum(x == m, x, y)
             inner = self._extremum(self.nodes[y[1]]) if y[0] == 1 and self.nodes[y[1]].op is Op.SELECT else None
@@ -619,15 +619,15 @@ class _Ranges:
 
     def _limit_of_magnitude(self, node: Node) -> int | None:
         """The node L of a choice ``|t| > L ? L sgn(t) : t`` with L >= 0; None if it is another one."""
-        (s, product), (sign, t) = map(self._signed, node.args[1:])
+        (s, product), (sign, t) = map(self._split_sign, node.args[1:])
         if self.nodes[product].op is not Op.MUL:
             return None
-        for (_, p), (of_limit, limit) in self._compared(node.args[0]):
-            if self.nodes[p].op is not Op.ABS or of_limit != 1 or self._signed(self.nodes[p].args[0])[1] != t:
+        for (_, p), (of_limit, limit) in self._comparisons(node.args[0]):
+            if self.nodes[p].op is not Op.ABS or of_limit != 1 or self._split_sign(self.nodes[p].args[0])[1] != t:
                 continue
             for a, b in (self.nodes[product].args, self.nodes[product].args[::-1]):
                 if a == limit and self.nodes[b].op is Op.SIGN and np.all(self.ranges[limit][0] >= 0.0):
-                    of_sign, again = self._signed(self.nodes[b].args[0])
+                    of_sign, again = self._split_sign(self.nodes[b].args[0])
                     if again == t and s * of_sign == sign:
                         return limit
         return None
@@ -671,17 +671,17 @@ class _Ranges:
                     return other
         return None
 
-    def turned(self, factors: Factors) -> list[_Turned]:
+    def trigonometric_readings(self, factors: Factors) -> list[_Turned]:
         """The ways to read a product as sine or cosine times other factors."""
-        found = []
+        ways = []
         for factor in dict.fromkeys(factors):
             if factor == TWO:
                 continue
             node = self.nodes[factor]
             if node.op is Op.SIN or node.op is Op.COS:
                 place = factors.index(factor)
-                found.append(_Turned(node.args[0], node.op, factor, factors[:place] + factors[place + 1 :]))
-        return found
+                ways.append(_Turned(node.args[0], node.op, factor, factors[:place] + factors[place + 1 :]))
+        return ways
 
     def _taken_apart(self, node: Node) -> list[_Terms]:
         """The sum ``node`` taken apart, into terms that are no sums unless these are too many."""
@@ -708,7 +708,7 @@ class _Ranges:
         for coefficient, index in terms:
             product = self.product(index)
             sign = product.sign if coefficient > 0 else -product.sign
-            read = self.turned(product.factors)
+            read = self.trigonometric_readings(product.factors)
             angles = [turned.angle for turned in read]
             for turned in read:
                 if angles.count(turned.angle) == 1:
@@ -724,13 +724,13 @@ class _Ranges:
 
     def _by_twice_the_angle(self, node: Node) -> list[_Terms]:
         """Rule 4: the readings of a sum as ``2 c (c A + s B) - A`` or ``2 s (c A + s B) - B``."""
-        found = []
+        readings = []
         operands = self._signed_operands(node)
         for (outer_sign, outer), (other_sign, other) in (operands, operands[::-1]):
             product, subtracted = self.product(outer), self.product(other)
             if product.factors[0] != TWO or len(product.factors) != 3:
                 continue
-            for turned in self.turned(product.factors[1:]):
+            for turned in self.trigonometric_readings(product.factors[1:]):
                 for rotation in self.rotations(turned.rest[0]):
                     if rotation.rest or (rotation.parts[0].turned.angle, rotation.multiple) != (turned.angle, 1):
                         continue
@@ -745,27 +745,27 @@ class _Ranges:
                     of_sine = _Turned(turned.angle, Op.SIN, sine.turned.factor, beside.turned.rest, 2)
                     in_cosine = _RotatedTerm(sign * behind.sign * flip, outer, of_cosine, product.lost + twice)
                     in_sine = _RotatedTerm(sign * beside.sign, other, of_sine, subtracted.lost)
-                    found.append(_Terms(operands, [], [([in_cosine], [in_sine])], []))
-        return found
+                    readings.append(_Terms(operands, [], [([in_cosine], [in_sine])], []))
+        return readings
 
     def rotations(self, index: int) -> list[_Rotation]:
         """The ways to read node ``index``, if it is a sum, as a rotation of two products and a rest."""
         if index == TWO or (self.nodes[index].op is not Op.ADD and self.nodes[index].op is not Op.SUB):
             return []
-        found = []
+        rotations = []
         for taken in self.readings[index]:
             for cosines, sines in taken.pairs:
                 if len(cosines) == len(sines) == 1:
                     parts = cosines[0], sines[0]
                     used = [part.node for part in parts]
                     rest = [term for term in taken.terms if term[1] not in used]
-                    found.append(_Rotation(parts, index, taken.inner, rest))
-        return found
+                    rotations.append(_Rotation(parts, index, taken.inner, rest))
+        return rotations
 
     def reductions(self, members: Sequence[Factors]) -> list[_Reduction]:
         """Rule 2: the ways to take one rotation off the norm of ``members`` that are worth following."""
         read = [self._read(member) for member in members]
-        rotations = [self.rotations(each.factors[0]) if len(each.factors) == 1 else [] for each in read]
+        rotations = [self.rotations(term.factors[0]) if len(term.factors) == 1 else [] for term in read]
 
         def without(*places: int) -> list[Factors]:
             return [member for k, member in enumerate(members) if k not in places]
@@ -776,7 +776,7 @@ class _Ranges:
                     for second in rotations[j]:
                         if first.is_orthogonal_to(second):
                             return [_Reduction([*without(i, j), *first.pair], (first, second))]
-        ways = [self.turned(each.factors) for each in read]
+        ways = [self.trigonometric_readings(term.factors) for term in read]
         pairs = []
         for i, j in combinations(range(len(members)), 2):
             for turned, again in product(ways[i], ways[j]):
@@ -869,13 +869,13 @@ class _Ranges:
         ordered = [sorted(self.nodes[k].args, key=lambda arg: float(np.max(self.magnitude(arg)))) for k in products]
         pairs: list[_Vectors] = [(((small,),), ((large,),)) for small, large in ordered]
         if len(products) == 2:
-            readings = [[_joined(pairs[0], pairs[1], turned)] for turned in (False, True)]
+            readings = [[_join(pairs[0], pairs[1], turned)] for turned in (False, True)]
         else:
             together = tuple(tuple((k,) for k in side) for side in zip(*ordered, strict=True))
-            readings = [self._grouped(pairs), [(together[0], together[1])]]
+            readings = [self._group(pairs), [(together[0], together[1])]]
         return [_ScalarProducts(reading, products) for reading in readings]
 
-    def _grouped(self, groups: list[_Vectors]) -> list[_Vectors]:
+    def _group(self, groups: list[_Vectors]) -> list[_Vectors]:
         """Join scalar products two at a time, first those whose joining lowers the sum of the bounds most."""
 
         sizes: dict[_Vectors, float] = {}
@@ -889,7 +889,7 @@ class _Ranges:
             best, chosen = 0.0, None
             for i, j in combinations(range(len(groups)), 2):
                 for turned in (False, True):
-                    joined = _joined(groups[i], groups[j], turned)
+                    joined = _join(groups[i], groups[j], turned)
                     gain = size(groups[i]) + size(groups[j]) - size(joined)
                     if gain > best:
                         best, chosen = gain, (i, j, joined)
@@ -902,7 +902,7 @@ class _Ranges:
         bound = self.norm_of_sums(cosines, sines)
         parts = (*cosines, *sines)
         stretch = _stretch(parts[0].turned.multiple)
-        radius = bound * stretch + sum(map(self._lost, parts), 0.0) + self._error(taken.inner)
+        radius = bound * stretch + sum(map(self._weighted_roundings, parts), 0.0) + self._error(taken.inner)
         return self._of_terms(taken, [part.node for part in parts], radius)
 
     def _of_terms(self, taken: _Terms, left_out: Sequence[int], radius: Array | float) -> Interval:
@@ -928,7 +928,7 @@ class _Ranges:
     def _error(self, indices: Sequence[int]) -> Array | float:
         return sum((self.errors[index] for index in indices), 0.0)
 
-    def _lost(self, part: _RotatedTerm | _Lost) -> Array | float:
+    def _weighted_roundings(self, part: _RotatedTerm | _Lost) -> Array | float:
         """The roundings inside a product, weighted with its other factors."""
         lost = part.lost if isinstance(part, _RotatedTerm) else part
         return sum((self.size(weights) * self.errors[index] for weights, index in lost), 0.0)
@@ -941,9 +941,9 @@ class _Ranges:
         bound = np.asarray(np.sqrt(sum((self.size(member) ** 2 for member in key), 0.0))) * _MARGIN + _TINY
         for reduction in self.reductions(key) if len(key) > 1 else ():
             lost = [
-                sum(map(self._lost, rotation.parts), 0.0) + self._error((rotation.node, *rotation.inner))
+                sum(map(self._weighted_roundings, rotation.parts), 0.0) + self._error((rotation.node, *rotation.inner))
                 for rotation in reduction.rotations
-            ] or [self._lost(each) for each in reduction.lost]
+            ] or [self._weighted_roundings(roundings) for roundings in reduction.lost]
             rests = [
                 sum((abs(coefficient) * self.magnitude(k) for coefficient, k in rotation.rest), 0.0)
                 for rotation in reduction.rotations
@@ -1068,7 +1068,7 @@ class _Carried:
         for part in parts:
             for weights, k in part.lost:
                 if weights:
-                    inner = inner + self._weighted(weights, k)
+                    inner = inner + self._weighted_error(weights, k)
                 else:
                     outer = outer + self.local[k]
                     underflow = underflow + _SMALLEST
@@ -1115,11 +1115,11 @@ class _Carried:
         """
         norm = self.ranges.norm(rotations[0].pair)
         products = _hypot([self._of_products(rotation.parts, norm) for rotation in rotations])
-        sums = _hypot([sum((self.local[k] for k in (each.node, *each.inner)), 0.0) for each in rotations])
+        sums = _hypot([sum((self.local[k] for k in (rotation.node, *rotation.inner)), 0.0) for rotation in rotations])
         if not any(rotation.inner or rotation.rest for rotation in rotations):
             sums = np.minimum(sums, _ROUNDOFF * (norm * _stretch(rotations[0].multiple) + products))
         rests = _hypot(
-            [sum((abs(coefficient) * self.sizes[k] for coefficient, k in each.rest), 0.0) for each in rotations]
+            [sum((abs(coefficient) * self.sizes[k] for coefficient, k in rotation.rest), 0.0) for rotation in rotations]
         )
         return np.asarray(self._of_trigonometry(rotations[0].parts) * norm + products + sums + rests)
 
@@ -1129,13 +1129,18 @@ class _Carried:
         size = self.ranges.size(common)
         nothing = np.zeros((len(PRECISIONS), 1))
         outer = _hypot([sum((self.local[k] for weights, k in lost if not weights), nothing) for lost in reduction.lost])
-        inner = _hypot([sum((self._weighted(*each) for each in lost if each[0]), nothing) for lost in reduction.lost])
+        inner = _hypot(
+            [
+                sum((self._weighted_error(*rounding) for rounding in lost if rounding[0]), nothing)
+                for lost in reduction.lost
+            ]
+        )
         together = _ROUNDOFF * (size * reduction.stretch + inner) + 2.0 * _SMALLEST
         further = size * self._of_product(reduction.extra) * RHO if reduction.extra else 0.0
         trigonometry = self._of_trigonometry(reduction.turned) * RHO ** len(reduction.extra)
         return np.asarray(trigonometry * size + further + np.minimum(outer, together) + inner)
 
-    def _weighted(self, weights: Factors, index: int) -> Array:
+    def _weighted_error(self, weights: Factors, index: int) -> Array:
         """A local error times the factors behind it, along the whole line."""
         return np.asarray((self.ranges.size(weights) + self._of_product(weights)) * self.local[index])
 
@@ -1151,7 +1156,7 @@ class _Analysis:
     def __init__(self, program: Program, box: Box) -> None:
         self.program = program
         self.nodes = program.nodes
-        self.box = self._checked(box)
+        self.box = self._input_bounds(box)
         self.rounds = self._roundings()
         self.angles = sorted({node.args[0] for node in self.nodes if node.op is Op.SIN or node.op is Op.COS})
         self._in_angles = set(reachable(self.nodes, self.angles))
@@ -1164,7 +1169,7 @@ class _Analysis:
         self.followed: dict[int, set[int]] = {}  # of the choices: the nodes that they take in some part of the box
         self.undecided: set[int] = set()  # choices and signs that rounding may turn over
 
-    def _checked(self, box: Box) -> dict[int, tuple[float, float]]:
+    def _input_bounds(self, box: Box) -> dict[int, tuple[float, float]]:
         """The bounds of every input node. Raises NoBoundError for an input without a range."""
         bounds = {}
         for index, node in enumerate(self.nodes):
@@ -1345,8 +1350,8 @@ class _Analysis:
         """The largest bounds over all boxes of every output element, in both precisions, shape (precisions,)."""
         totals = {index: np.zeros(len(PRECISIONS)) for index in self.outputs}
         for part in self._batches(parts):
-            ranges, errors = self._enclosed(part)
-            local = [np.stack([np.atleast_1d(each) for each in np.broadcast_arrays(*error)]) for error in errors]
+            ranges, errors = self._enclose_nodes(part)
+            local = [np.stack([np.atleast_1d(radius) for radius in np.broadcast_arrays(*error)]) for error in errors]
             known = {}
             if by_reverse_mode:
                 known = {index: self._error_of(sweep, ranges, errors) for index, sweep in self.sweeps.items()}
@@ -1357,14 +1362,14 @@ class _Analysis:
 
     def enclosures(self, parts: int) -> dict[int, tuple[float, float]]:
         """The bounds of the nodes that are outputs, local errors included, with every angle split into ``parts``."""
-        found: dict[int, tuple[float, float]] = {}
+        bounds: dict[int, tuple[float, float]] = {}
         for part in self._batches(parts):
-            ranges, _ = self._enclosed(part)
+            ranges, _ = self._enclose_nodes(part)
             for index in self.outputs:
                 low, high = (f(x) for f, x in zip((np.min, np.max), ranges.ranges[index], strict=True))
-                before = found.get(index, (math.inf, -math.inf))
-                found[index] = min(before[0], float(low)), max(before[1], float(high))
-        return found
+                before = bounds.get(index, (math.inf, -math.inf))
+                bounds[index] = min(before[0], float(low)), max(before[1], float(high))
+        return bounds
 
     def _batches(self, parts: int) -> Iterator[dict[int, Interval]]:
         """The boxes in batches that fit into memory."""
@@ -1378,7 +1383,7 @@ class _Analysis:
                 for index, (low, high) in boxes.items()
             }
 
-    def _enclosed(self, boxes: Mapping[int, Interval]) -> tuple[_Ranges, list[tuple[Array | float, ...]]]:
+    def _enclose_nodes(self, boxes: Mapping[int, Interval]) -> tuple[_Ranges, list[tuple[Array | float, ...]]]:
         """The enclosures of all nodes, and the bounds of their local errors in both precisions."""
         ranges = _Ranges(len(self.nodes))
         errors: list[tuple[Array | float, ...]] = []
@@ -1393,17 +1398,17 @@ class _Analysis:
                 errors.append(local)
                 continue
             if node.op is Op.SELECT:
-                choice = self._chosen(index, node, ranges)
+                choice = self._note_choice(index, node, ranges)
                 # the difference of two numbers that is compared may be flushed to zero
                 radius: tuple[Array | float, ...] = tuple(p.smallest * choice.continuous for p in PRECISIONS)
                 errors.append(radius)
-                ranges.append(node, _widened(choice.enclosure, radius[-1]) if choice.continuous else choice.enclosure)
+                ranges.append(node, _widen(choice.enclosure, radius[-1]) if choice.continuous else choice.enclosure)
                 continue
             exact = ranges.exact(node)
             if node.op is Op.SIGN and self.rounds[index] and np.any(exact[0] != exact[1]):
                 self.undecided.add(index)
             radius = self._local_errors(node, exact, ranges)
-            enclosure = _widened(exact, radius[-1]) if node.op not in _EXACT else exact
+            enclosure = _widen(exact, radius[-1]) if node.op not in _EXACT else exact
             if node.op in _ROUNDED:
                 enclosure, radius = self._with_its_sign(exact, enclosure, radius)
             errors.append(radius)
@@ -1426,12 +1431,12 @@ class _Analysis:
         high = np.where(exact[1] < 0.0, exact[1] * (1.0 - share), exact[1] * (1.0 + share)) + least
         size = _magnitude(exact) * _MARGIN
         errors = tuple(
-            np.where(lost, precision.roundoff * size + precision.smallest, each)
-            for precision, each in zip(PRECISIONS, radius, strict=True)
+            np.where(lost, precision.roundoff * size + precision.smallest, local_error)
+            for precision, local_error in zip(PRECISIONS, radius, strict=True)
         )
         return (np.where(lost, _down(low), enclosure[0]), np.where(lost, _up(high), enclosure[1])), errors
 
-    def _chosen(self, index: int, node: Node, ranges: _Ranges) -> _Choice:
+    def _note_choice(self, index: int, node: Node, ranges: _Ranges) -> _Choice:
         """What is known about a choice; notes which nodes it takes, and whether rounding may turn it over."""
         choice = ranges.choice(node)
         self.followed.setdefault(index, set()).update(choice.followed)
@@ -1441,7 +1446,7 @@ class _Analysis:
 
     def conditional(self) -> tuple[bool, ...]:
         """For every output whether a comparison that rounding may turn over lies behind it; known after the bounds."""
-        found = []
+        flags = []
         for row in self.program.results:
             waiting, seen = list(row), set(row)
             while waiting:
@@ -1449,8 +1454,8 @@ class _Analysis:
                 new = self.followed.get(index, set(self.nodes[index].args)) - seen
                 waiting += new
                 seen |= new
-            found.append(not seen.isdisjoint(self.undecided))
-        return tuple(found)
+            flags.append(not seen.isdisjoint(self.undecided))
+        return tuple(flags)
 
     def _local_errors(self, node: Node, exact: Interval, ranges: _Ranges) -> tuple[Array | float, ...]:
         """Bounds of the local error of an operation, in the order of :data:`PRECISIONS`."""

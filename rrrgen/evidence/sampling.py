@@ -75,7 +75,7 @@ def largest_errors(
     def measure(states: Sequence[Array]) -> NDArray[np.float64]:
         return errors_at(program, states, precision, compiled, conditional, exact)
 
-    return _searched(measure, program, box, precision, samples, seed, climbs)
+    return _search_repeatedly(measure, program, box, precision, samples, seed, climbs)
 
 
 def compile_if_worthwhile(program: Program, precision: Precision, samples: int) -> WideProgram | None:
@@ -92,7 +92,7 @@ def wide_outputs(program: Program, precision: Precision, samples: int) -> Callab
     order = [index for row in program.results for index in row]
 
     def evaluate(states: Sequence[Array]) -> Array:
-        values = _evaluated(program, states, precision, wide)
+        values = _evaluate_nodes(program, states, precision, wide)
         return np.stack([np.broadcast_to(values[index], len(states[0]) if states else 1) for index in order])
 
     return evaluate
@@ -102,7 +102,7 @@ Measure = Callable[[Sequence[Array]], NDArray[np.float64]]
 """The errors (outputs, states) of all output elements at values (states, size) of every input port."""
 
 
-def _searched(
+def _search_repeatedly(
     measure: Measure,
     program: Program,
     box: Mapping[str, PortRange],
@@ -117,8 +117,8 @@ def _searched(
     """
     rng = np.random.default_rng(seed)
     counts = [min(_STATES_OF_A_SEARCH, samples - first) for first in range(0, samples, _STATES_OF_A_SEARCH)]
-    found = [_search(measure, program, box, precision, count, rng, climbs) for count in counts]
-    return np.asarray(np.max(found, axis=0), dtype=np.float64)
+    maxima = [_search(measure, program, box, precision, count, rng, climbs) for count in counts]
+    return np.asarray(np.max(maxima, axis=0), dtype=np.float64)
 
 
 def _search(
@@ -144,7 +144,7 @@ def _search(
         for champion, state in zip(champions, states, strict=True):
             champion[grown] = state[place[grown]]
         best = np.maximum(best, worst)
-    climbed = _climbed(program, best)
+    climbed = _outputs_to_climb(program, best)
     for step in range(climbs):
         reach = 0.1 * 0.7**step
         moved = []
@@ -175,11 +175,11 @@ def relative_errors(
     rng = np.random.default_rng(seed)
     most = max(_NEIGHBOURS, int(_TOGETHER / len(program.nodes)))
     wide = np.longdouble if precision is DOUBLE else np.float64
-    found = []
+    errors = []
     for first in range(0, samples, most):
         count = min(most, samples - first)
         states = _states(program, box, count, rng, narrow)
-        values, exact = (_evaluated(program, states, precision, kind) for kind in (None, wide))
+        values, exact = (_evaluate_nodes(program, states, precision, kind) for kind in (None, wide))
         worst = np.zeros(count)
         for row in program.results:
             size = np.max([np.broadcast_to(np.abs(exact[index]), count) for index in row], axis=0)
@@ -188,8 +188,8 @@ def relative_errors(
             )
             share = np.divide(difference, size, out=np.zeros(count, dtype=wide), where=size > 0.0)
             worst = np.maximum(worst, share.astype(np.float64))
-        found.append(worst)
-    return np.concatenate(found)
+        errors.append(worst)
+    return np.concatenate(errors)
 
 
 def largest_residuals(
@@ -235,7 +235,7 @@ def largest_residuals(
         of_status = np.zeros((1, count))
         return np.vstack([np.where(counts, residual, 0.0).astype(np.float64), of_status])
 
-    return _searched(measure, program, ranges, precision, samples, seed, climbs)[: len(reach)]
+    return _search_repeatedly(measure, program, ranges, precision, samples, seed, climbs)[: len(reach)]
 
 
 def largest_derivative_residuals(
@@ -259,7 +259,7 @@ def largest_derivative_residuals(
     narrow = np.float64 if precision is DOUBLE else np.float32
     wide = np.longdouble if precision is DOUBLE else np.float64
     place = [port.role for port in program.inputs].index(Role.TORQUE)
-    lowest, highest = (np.array(each) for each in box[program.inputs[place].name].bounds)
+    lowest, highest = (np.array(bound) for bound in box[program.inputs[place].name].bounds)
     reach = np.array(box["ddq"].upper)
     n = len(reach)
     ranges = {p.name: box["ddq"] if p.role is Role.TORQUE else box[p.name] for p in program.inputs}
@@ -285,23 +285,23 @@ def largest_derivative_residuals(
         given = [tau if k == place else state for k, state in enumerate(states)]
         outputs = _outputs(program, given, precision, compiled)
         solution, *matrices = [np.asarray(output.astype(wide).T) for output in outputs[:4]]
-        by_q, by_v, by_tau = (each.reshape(n, n, count) for each in matrices)
+        by_q, by_v, by_tau = (matrix.reshape(n, n, count) for matrix in matrices)
         at_solution, dtau_dq, dtau_dv, M = reference(states, outputs[0])
         identity = np.eye(n)[:, :, None]
         residuals = [
             at_solution - tau.astype(wide).T,
             *(
-                np.einsum("ikc,kjc->ijc", M, found) + right
-                for found, right in ((by_q, dtau_dq), (by_v, dtau_dv), (by_tau, -identity))
+                np.einsum("ikc,kjc->ijc", M, derivative) + right
+                for derivative, right in ((by_q, dtau_dq), (by_v, dtau_dv), (by_tau, -identity))
             ),
         ]
         counts = (np.abs(solution) <= reach[:, None]).all(axis=0) & (outputs[4].reshape(count) == 0)
         counts &= ((lowest <= tau) & (tau <= highest)).all(axis=1)
         counts &= (np.einsum("iic->ic", by_tau) <= np.array(inverse)[:, None]).all(axis=0)
-        rows = np.vstack([np.abs(each).reshape(-1, count) for each in residuals])
+        rows = np.vstack([np.abs(residual).reshape(-1, count) for residual in residuals])
         return np.vstack([np.where(counts, rows, 0.0).astype(np.float64), np.zeros((1, count))])
 
-    return _searched(measure, program, ranges, precision, samples, seed, climbs)[:-1]
+    return _search_repeatedly(measure, program, ranges, precision, samples, seed, climbs)[:-1]
 
 
 def _outputs(
@@ -311,11 +311,11 @@ def _outputs(
     count = len(states[0])
     if compiled is not None:
         return [np.asarray(output).reshape(count, -1) for output in compiled(states)]
-    values = _evaluated(program, states, precision, None)
+    values = _evaluate_nodes(program, states, precision, None)
     return [np.stack([np.broadcast_to(values[e], count) for e in row], axis=1) for row in program.results]
 
 
-def _climbed(program: Program, errors: NDArray[np.float64]) -> NDArray[np.intp]:
+def _outputs_to_climb(program: Program, errors: NDArray[np.float64]) -> NDArray[np.intp]:
     """The output elements from whose worst states the search goes on: those of every port with the largest errors."""
     chosen, first = [], 0
     for row in program.results:
@@ -346,8 +346,8 @@ def errors_at(
     count = len(states[0]) if states else 1
     if exact is not None and compiled is not None:
         return exact.errors(states, compiled(states))
-    values = _evaluated(program, states, precision, None) if compiled is None or any(conditional) else []
-    others = _evaluated(program, states, precision, wide)
+    values = _evaluate_nodes(program, states, precision, None) if compiled is None or any(conditional) else []
+    others = _evaluate_nodes(program, states, precision, wide)
     if compiled is None:
         rounded = np.stack([np.broadcast_to(values[index], count) for index in order])
     else:
@@ -390,12 +390,14 @@ def _states(
     return states
 
 
-def evaluated(program: Program, states: Sequence[Array], precision: Precision) -> list[Array]:
+def evaluate_nodes(program: Program, states: Sequence[Array], precision: Precision) -> list[Array]:
     """The values (states,) of all nodes in the emitted precision, at values (states, size) of every input port."""
-    return [np.broadcast_to(value, len(states[0])) for value in _evaluated(program, states, precision, None)]
+    return [np.broadcast_to(value, len(states[0])) for value in _evaluate_nodes(program, states, precision, None)]
 
 
-def _evaluated(program: Program, states: Sequence[Array], precision: Precision, wide: type[Any] | None) -> list[Array]:
+def _evaluate_nodes(
+    program: Program, states: Sequence[Array], precision: Precision, wide: type[Any] | None
+) -> list[Array]:
     """The values of all nodes in the emitted precision (``wide`` None), or in the format ``wide``."""
     narrow = np.float64 if precision is DOUBLE else np.float32
     kind = narrow if wide is None else wide

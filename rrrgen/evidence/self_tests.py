@@ -48,13 +48,13 @@ def self_test_lines(files: Mapping[str, Contents]) -> dict[str, list[tuple[str, 
         return None
     code = {path: text for path, text in files.items() if "/" not in path and path.endswith((".c", ".h"))}
     sources = sorted(path for path in code if path.endswith(".c") and not path.endswith(SUFFIX))
-    found = {}
+    printed_lines = {}
     with tempfile.TemporaryDirectory() as folder:
         write(code, Path(folder))
         for path in sorted(path for path in code if path.endswith(SUFFIX)):
             runs = [_lines(folder, path, sources, compiler) for compiler in compilers]
-            found[path] = runs[0]
-    return found
+            printed_lines[path] = runs[0]
+    return printed_lines
 
 
 def installed_compilers() -> list[str]:
@@ -73,13 +73,13 @@ def _lines(folder: str, path: str, sources: Sequence[str], compiler: str) -> lis
 
 def checks_of(header: str, lines: Mapping[str, Sequence[tuple[str, str]]]) -> str:
     """What the self-tests found of the functions of ``header``, as one sentence; empty without a check of them."""
-    own = lines.get(f"{header.removesuffix('.h')}{SUFFIX}")
-    if own is None:
+    checks = lines.get(f"{header.removesuffix('.h')}{SUFFIX}")
+    if checks is None:
         starts = [start for end, start in CHECKS_OF.items() if header.endswith(end)]
-        own = [row for rows in lines.values() for row in rows if starts and row[0].startswith(f"{starts[0]}:")]
-    if not own:
+        checks = [row for rows in lines.values() for row in rows if starts and row[0].startswith(f"{starts[0]}:")]
+    if not checks:
         return ""
-    listed = "; ".join(f"{name.partition(': ')[2] or name} ({value})" for name, value in own)
+    listed = "; ".join(f"{name.partition(': ')[2] or name} ({value})" for name, value in checks)
     compiled = " and ".join(installed_compilers())
-    passed = f"the emitted self-test passes {len(own)} checks, compiled with {compiled}"
+    passed = f"the emitted self-test passes {len(checks)} checks, compiled with {compiled}"
     return f"{passed}, with the largest differences: {listed}"

@@ -19,7 +19,7 @@ from rrrgen.evidence.boxes import PortRange, Ranges, acceleration_range
 from rrrgen.evidence.derivative_residual import OUTPUTS, derivative_residuals
 from rrrgen.evidence.residual import residual_bounds
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, Precision
-from rrrgen.evidence.sampling import Evaluator, evaluated, largest_derivative_residuals, largest_residuals
+from rrrgen.evidence.sampling import Evaluator, evaluate_nodes, largest_derivative_residuals, largest_residuals
 from rrrgen.program import Program, Role
 
 if TYPE_CHECKING:
@@ -89,14 +89,16 @@ class ForwardDynamics(Solution):
     def box(self, box: Mapping[str, PortRange], spec: RobotSpec, ranges: Ranges) -> dict[str, PortRange]:
         """The ranges but for torques, which may be any."""
         torques = {port.name for port in self.program.inputs if port.role is Role.TORQUE}
-        inputs = {name: each for name, each in box.items() if name not in torques}
+        inputs = {name: port_range for name, port_range in box.items() if name not in torques}
         return super().box(inputs, spec, ranges)
 
     def bounds(self, box: Mapping[str, PortRange]) -> ResidualEntry:
         """The bounds of the residual; :mod:`rrrgen.evidence.residual` has their proof."""
-        ranges = {name: each.bounds for name, each in box.items()}
-        found = residual_bounds(self.program, self.mass, self.bias, ranges, box["ddq"].upper)
-        return ResidualEntry({DOUBLE: {"ddq": list(found.double)}, FLOAT: {"ddq": list(found.single)}}, found.parts, {})
+        ranges = {name: port_range.bounds for name, port_range in box.items()}
+        bounds = residual_bounds(self.program, self.mass, self.bias, ranges, box["ddq"].upper)
+        return ResidualEntry(
+            {DOUBLE: {"ddq": list(bounds.double)}, FLOAT: {"ddq": list(bounds.single)}}, bounds.parts, {}
+        )
 
     def largest(
         self,
@@ -132,30 +134,30 @@ class DerivativesOfSolution(Solution):
         for port in self.program.inputs:
             if port.name not in box:
                 raise NoBoundError(f"the input {port.name} has no range")
-            lower, upper = (np.array(each) for each in box[port.name].bounds)
+            lower, upper = (np.array(bound) for bound in box[port.name].bounds)
             share = np.full((_STATES, port.size), 0.5) if port.role.is_parameter else rng.random((_STATES, port.size))
             states.append(lower + share * (upper - lower))
-        values = evaluated(self.program, states, DOUBLE)
+        values = evaluate_nodes(self.program, states, DOUBLE)
         place = [port.name for port in self.program.outputs].index("dddq_dtau")
         row = self.program.results[place]
         n = round(len(row) ** 0.5)
         largest = [float(np.max(values[row[(n + 1) * k]])) for k in range(n)]
         upward = Context(prec=2, rounding=ROUND_CEILING)
-        limits = tuple(float(upward.create_decimal_from_float(_MORE * each)) for each in largest)
+        limits = tuple(float(upward.create_decimal_from_float(_MORE * entry)) for entry in largest)
         source = f"{_MORE:g} times the largest of {_STATES} states, parameters amid their ranges"
         return PortRange((0.0,) * n, limits, source)
 
     def bounds(self, box: Mapping[str, PortRange]) -> ResidualEntry:
         """The bounds of the four residuals; :mod:`rrrgen.evidence.derivative_residual` has their proof."""
         ranges = {port.name: box[port.name].bounds for port in self.program.inputs if port.name in box}
-        found = derivative_residuals(
+        residuals = derivative_residuals(
             self.program, self.mass, self.derivatives, ranges, box["ddq"].upper, box[INVERSE].upper
         )
         bounds = {
             precision: {name: list(rows[name]) for name in OUTPUTS}
-            for precision, rows in ((DOUBLE, found.double), (FLOAT, found.single))
+            for precision, rows in ((DOUBLE, residuals.double), (FLOAT, residuals.single))
         }
-        return ResidualEntry(bounds, found.parts, {DOUBLE: found.least_double, FLOAT: found.least_single})
+        return ResidualEntry(bounds, residuals.parts, {DOUBLE: residuals.least_double, FLOAT: residuals.least_single})
 
     def largest(
         self,
@@ -176,7 +178,7 @@ def solution_of(programs: Mapping[str, Program], name: str) -> Solution | None:
     suffix = "_nominal" if name.endswith("_nominal") else ""
     base = name.removesuffix(suffix)
     mass, bias, derivatives = (
-        programs.get(f"{each}{suffix}") for each in ("mass_matrix", "bias", "inverse_dynamics_derivatives")
+        programs.get(f"{function}{suffix}") for function in ("mass_matrix", "bias", "inverse_dynamics_derivatives")
     )
     if base == "forward_dynamics" and mass is not None and bias is not None:
         return ForwardDynamics(programs[name], mass, bias)

@@ -44,7 +44,7 @@ def statement(program: Program, entry: Mapping[str, Any], real: Real) -> Roundin
     if "quantity" in entry:
         return RoundingStatement(
             _of_residuals(program, stated),
-            {"quantity": entry["quantity"], **{key: each for key, each in stated.items() if key in _OF_RESIDUALS}},
+            {"quantity": entry["quantity"], **{key: value for key, value in stated.items() if key in _OF_RESIDUALS}},
         )
     worst = {port.name: max(stated["bounds"][port.name], default=0.0) for port in program.outputs}
     errors = ", ".join(f"{name} {rounded_up(bound)}" for name, bound in worst.items())
@@ -122,7 +122,7 @@ def rounding_rows(
         if tell is not None:
             tell(done, len(programs), f"rounding of {name}")
         box = box_of(program, model.spec, nominal_beta(model.derived), ranges)
-        compiled = partial(_called, part.engine, program) if part.engine.name == "c" else None
+        compiled = partial(_call, part.engine, program) if part.engine.name == "c" else None
         search = partial(_of_rounding, program, box, real, samples, seed, compiled)
         attempts = [("proven rounding bound", search)]
         solution = solution_of(derived, name)  # M may be in another part than the function
@@ -132,12 +132,12 @@ def rounding_rows(
         reason = ""
         for reference, search in attempts:
             try:
-                bounds, found = search()
+                bounds, errors = search()
             except NoBoundError as fault:
                 reason = str(fault)
                 continue
-            shares = np.divide(found, bounds, out=np.where(found > 0.0, np.inf, 0.0), where=bounds > 0.0)
-            error, bound = (float(values.max(initial=0.0)) for values in (found, bounds))
+            shares = np.divide(errors, bounds, out=np.where(errors > 0.0, np.inf, 0.0), where=bounds > 0.0)
+            error, bound = (float(values.max(initial=0.0)) for values in (errors, bounds))
             note = f"error {error:.2g}, bound {rounded_up(bound)}" + (f", ratio {bound / error:.3g}" if error else "")
             share = float(shares.max(initial=0.0))
             rows.append(Row(name, reference, "box of limits", samples, share, RESOLUTION, note))
@@ -156,7 +156,7 @@ def _of_rounding(
     compiled: Evaluator | None,
 ) -> tuple[Array, Array]:
     """The bounds of the rounding errors and the largest ones found, one for every output element."""
-    proven = rounding_bounds(program, {port: each.bounds for port, each in box.items()})
+    proven = rounding_bounds(program, {port: port_range.bounds for port, port_range in box.items()})
     bounds = np.array([bound for row in (proven.double if real == "double" else proven.single) for bound in row])
     precision = DOUBLE if real == "double" else FLOAT
     return bounds, largest_errors(
@@ -181,7 +181,7 @@ def _of_solution(
     return bounds, solution.largest(box, precision, samples, seed, compiled)
 
 
-def _called(engine: Engine, program: Program, states: Sequence[Array]) -> Sequence[Array]:
+def _call(engine: Engine, program: Program, states: Sequence[Array]) -> Sequence[Array]:
     """The outputs of ``program`` by ``engine`` for values (states, size) of every input port."""
     given = [state.reshape(len(state), *port.shape) for state, port in zip(states, program.inputs, strict=True)]
     return engine.call(program.name, given)

@@ -174,7 +174,7 @@ def function_alarms(
     bounds of nodes that EVA takes as they are, proven elsewhere; ``options`` replace :data:`OPTIONS`.
     """
     names = {fact.node: f"factor_{fact.node}" for fact in facts}
-    program = program.described(labels={**program.labels, **names})
+    program = program.with_fields(labels={**program.labels, **names})
     lines, post, given = [], [], []
     for port in program.inputs:
         lines.append(f"double {port.name}[{port.size}];")
@@ -262,7 +262,7 @@ def solver_alarms(spec: RobotSpec, plan: SolverPlan, directory: Path) -> list[Al
     whole = files[source]
     for part in parts:
         whole = whole.replace(part.text, part.stand_in(macro))
-    apart = {f"{name}_ik_{each}": _APART for each in ("sort", "finish")}
+    apart = {f"{name}_ik_{function}": _APART for function in ("sort", "finish")}
     open_ = alarms(
         directory, {**files, source: whole, "driver.c": driver}, "analysed", apart=apart, options=FAST_OPTIONS
     )
@@ -296,15 +296,17 @@ class _Part:
     def stand_in(self, macro: str) -> str:
         """The function with a body that writes any bits to its results and returns any value that it may."""
         body = []
-        for each in self.arguments:
-            if each.constant or not (each.pointer or each.extents):
+        for argument in self.arguments:
+            if argument.constant or not (argument.pointer or argument.extents):
                 continue
-            if each.type == f"{self.robot}_ik_solutions":
-                body += [_unknown(f"{each.name}->{field}") for field in _ROWS_OF_RESULT]
-            elif each.type == "int":
-                body.append(f"*{each.name} = Frama_C_interval(INT_MIN, INT_MAX);")
+            if argument.type == f"{self.robot}_ik_solutions":
+                body += [_unknown(f"{argument.name}->{field}") for field in _ROWS_OF_RESULT]
+            elif argument.type == "int":
+                body.append(f"*{argument.name} = Frama_C_interval(INT_MIN, INT_MAX);")
             else:
-                body.append(f"Frama_C_make_unknown((char *){each.name}, {' * '.join(each.extents)} * sizeof(double));")
+                body.append(
+                    f"Frama_C_make_unknown((char *){argument.name}, {' * '.join(argument.extents)} * sizeof(double));"
+                )
         if self.result == "int":
             body.append(f"return Frama_C_interval(0, {macro}_IK_ROWS);")
         elif self.result != "void":
@@ -316,21 +318,21 @@ class _Part:
     def driver(self, macro: str) -> str:
         """A driver that calls the function with any bits, and shows what its stand-in supposes of its results."""
         lines, shown, given = [], [], []
-        for each in self.arguments:
-            result = each.name in PARTS[self.which]
-            given.append(f"&{each.name}" if each.pointer and each.type != self._real else each.name)
-            if each.type == f"{self.robot}_ik_solutions":
-                lines.append(f"static {each.type} {each.name};")
+        for argument in self.arguments:
+            result = argument.name in PARTS[self.which]
+            given.append(f"&{argument.name}" if argument.pointer and argument.type != self._real else argument.name)
+            if argument.type == f"{self.robot}_ik_solutions":
+                lines.append(f"static {argument.type} {argument.name};")
                 continue
-            extents = each.extents
-            if each.pointer and each.type == self._real:
-                extents = (f"{macro}_IK_TARGET" if each.name == "T" else f"{macro}_IK_JOINTS",)
-            lines.append(f"{each.type} {each.name}{''.join(f'[{extent}]' for extent in extents)};")
+            extents = argument.extents
+            if argument.pointer and argument.type == self._real:
+                extents = (f"{macro}_IK_TARGET" if argument.name == "T" else f"{macro}_IK_JOINTS",)
+            lines.append(f"{argument.type} {argument.name}{''.join(f'[{extent}]' for extent in extents)};")
             if result and extents:
                 every = "".join(f"[0 .. {extent} - 1]" for extent in extents)
-                shown.append(f"/*@ assert \\initialized(&{each.name}{every}); */")
+                shown.append(f"/*@ assert \\initialized(&{argument.name}{every}); */")
             elif not result:
-                lines.append(_unknown(each.name))
+                lines.append(_unknown(argument.name))
         call = f"{self.robot}_ik_{self.which}({', '.join(given)});"
         if self.result == "int":
             call = f"const int rows = {call}"
@@ -352,18 +354,20 @@ def _unknown(name: str) -> str:
 
 def _part(source: str, robot: str, which: str) -> _Part:
     """The function ``which`` of the solver ``source`` of a robot."""
-    found = re.search(rf"^static (\w+) {robot}_ik_{which}\(([^)]*)\)\n\{{\n.*?^\}}\n", source, re.MULTILINE | re.DOTALL)
-    assert found is not None, which
-    written = set(re.findall(r"\bfound->(\w+)", found[0]))
+    definition = re.search(
+        rf"^static (\w+) {robot}_ik_{which}\(([^)]*)\)\n\{{\n.*?^\}}\n", source, re.MULTILINE | re.DOTALL
+    )
+    assert definition is not None, which
+    written = set(re.findall(r"\bfound->(\w+)", definition[0]))
     assert written <= set(_ROWS_OF_RESULT), written
     arguments = []
-    for text in found[2].split(","):
+    for text in definition[2].split(","):
         declared = re.match(r"\s*(const )?(\w+) (\*?)(\w+)((?:\[\w+\])*)$", text.strip())
         assert declared is not None, text
         extents = tuple(re.findall(r"\[(\w+)\]", declared[5]))
         arguments.append(_Argument(declared[4], declared[2], bool(declared[3]), extents, bool(declared[1])))
-    head = found[0][: found[0].index("{\n")]
-    return _Part(robot, which, found[0], head, found[1], tuple(arguments))
+    head = definition[0][: definition[0].index("{\n")]
+    return _Part(robot, which, definition[0], head, definition[1], tuple(arguments))
 
 
 def differential_alarms(name: str, n: int, directory: Path) -> list[Alarm]:
@@ -408,12 +412,12 @@ def controller_alarms(unit: ControllerUnit, directory: Path, entry: str) -> list
         return alarms(directory, {**files, "driver.c": _calls(unit)}, entry)
     files[f"{prefix}.c"] = _readable(files[f"{prefix}.c"], prefix)
     if entry == "step":
-        files |= {f"{name}.c": _stand_ins(name, programs) for name, programs in _called(unit).items()}
+        files |= {f"{name}.c": _stand_ins(name, programs) for name, programs in _programs_by_file(unit).items()}
     files["driver.c"] = _driver(unit, prefix, entry)
     open_: list[Alarm] = []
     for count in APART:
-        found = alarms(directory, files, entry, apart={f"{prefix}_step": count, f"{prefix}_with_sample": count})
-        open_ = [each for each in found if count == APART[0] or each in open_]
+        raised_alarms = alarms(directory, files, entry, apart={f"{prefix}_step": count, f"{prefix}_with_sample": count})
+        open_ = [alarm for alarm in raised_alarms if count == APART[0] or alarm in open_]
         if not open_:
             break
     return open_
@@ -423,13 +427,13 @@ _BOUND = re.compile(r"!\((\w+) && \(fabs\(x\) <= (\(\w+\)[0-9.e+]+)\)\)")
 """The condition for angles outside the range of the emitted sines; fabs hides from EVA that x is a number inside it."""
 
 
-def _called(unit: ControllerUnit) -> dict[str, list[Program]]:
+def _programs_by_file(unit: ControllerUnit) -> dict[str, list[Program]]:
     """The model functions that the controller calls, by the name of the file that has them."""
-    own = own_programs(unit)
-    of_model = [program for program in called_programs(unit) if program.name not in own]
+    laws = own_programs(unit)
+    of_model = [program for program in called_programs(unit) if program.name not in laws]
     robot = unit.model.spec.name
-    found = {robot: of_model, f"{robot.removesuffix('_any_gravity')}_controller_laws": list(own.values())}
-    return {name: programs for name, programs in found.items() if programs}
+    programs_by_file = {robot: of_model, f"{robot.removesuffix('_any_gravity')}_controller_laws": list(laws.values())}
+    return {name: programs for name, programs in programs_by_file.items() if programs}
 
 
 def _stand_ins(name: str, programs: Sequence[Program]) -> str:
@@ -445,7 +449,7 @@ def _stand_ins(name: str, programs: Sequence[Program]) -> str:
 
 def _calls(unit: ControllerUnit) -> str:
     """A driver that calls the model functions of the controller with any bits."""
-    called = _called(unit)
+    called = _programs_by_file(unit)
     lines = [f'#include "{name}.h"' for name in called]
     lines += ['#include "__fc_builtin.h"', "void called(void)", "{"]
     for name, programs in called.items():
@@ -612,18 +616,18 @@ def analysed_with_eva(
     if not is_available():
         return {}, [("run-time errors", "Frama-C is not installed")]
     skipped: list[tuple[str, str]] = []
-    found: list[tuple[str, list[Alarm]]] = []
+    analyses: list[tuple[str, list[Alarm]]] = []
 
     def analyse(what: str, analysis: Callable[[Path], tuple[str, list[Alarm]]]) -> None:
         """Add the row of an analysis in a folder of its own, or the reason why there is none."""
         try:
             with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
-                found.append(analysis(Path(folder)))
+                analyses.append(analysis(Path(folder)))
         except TooLongError as reason:
             skipped.append((f"run-time errors of {what}", str(reason)))
 
     kernel = "kernel of sine and cosine"
-    analyse(kernel, partial(_named, kernel, kernel_alarms))
+    analyse(kernel, partial(_analysis_row, kernel, kernel_alarms))
     for done, (name, program) in enumerate(model.programs.items()):
         if tell is not None:
             tell(done, len(model.programs), f"run-time errors of {name}")
@@ -646,11 +650,11 @@ def analysed_with_eva(
     for what, analysis in further.items():
         if tell is not None:
             tell(0, 0, f"run-time errors of {what}")
-        analyse(what, partial(_named, what, analysis))
-    return {"run_time_errors": run_time_errors_entry(found)}, skipped
+        analyse(what, partial(_analysis_row, what, analysis))
+    return {"run_time_errors": run_time_errors_entry(analyses)}, skipped
 
 
-def _named(what: str, analysis: Callable[[Path], list[Alarm]], directory: Path) -> tuple[str, list[Alarm]]:
+def _analysis_row(what: str, analysis: Callable[[Path], list[Alarm]], directory: Path) -> tuple[str, list[Alarm]]:
     return what, analysis(directory)
 
 
@@ -690,18 +694,20 @@ def known_facts(model: DerivedModel, name: str, box: Mapping[str, PortRange]) ->
     if mass is None or name.removesuffix(suffix) not in ("forward_dynamics", "forward_dynamics_derivatives"):
         return []
     try:
-        return factorization_facts(model.programs[name], mass, {port: each.bounds for port, each in box.items()})
+        return factorization_facts(
+            model.programs[name], mass, {port: port_range.bounds for port, port_range in box.items()}
+        )
     except NoBoundError:
         return []
 
 
-def run_time_errors_entry(found: Iterable[tuple[str, Sequence[Alarm]]]) -> dict[str, Any]:
+def run_time_errors_entry(analyses: Iterable[tuple[str, Sequence[Alarm]]]) -> dict[str, Any]:
     """The entry ``run_time_errors`` of the certificate: a row for everything that was analysed."""
-    rows = [(what, len(open_), "; ".join(f"{a.file}:{a.line} {a.kind}" for a in open_)) for what, open_ in found]
+    rows = [(what, len(open_), "; ".join(f"{a.file}:{a.line} {a.kind}" for a in open_)) for what, open_ in analyses]
     total = sum(count for _, count, _ in rows)
 
-    def options(own: Sequence[str]) -> str:
-        return " ".join((*COMMON, *own))
+    def options(additions: Sequence[str]) -> str:
+        return " ".join((*COMMON, *additions))
 
     return {
         "summary": f"Frama-C EVA, {options(OPTIONS)}; inverse kinematics, and model functions at first, with "

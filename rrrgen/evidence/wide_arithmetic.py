@@ -67,10 +67,10 @@ class WideProgram:
         What the spacing of the wider format may contribute to a difference is taken off.
         """
         count = len(states[0]) if states else 1
-        found = np.empty((sum(self.sizes), count))
-        kept = [np.ascontiguousarray(each, dtype=self.narrow) for each in (*states, *rounded)]
-        self.lib.wide_errors(count, *self._pointers(kept), self.ffi.cast("double *", found.ctypes.data))
-        return found
+        errors = np.empty((sum(self.sizes), count))
+        kept = [np.ascontiguousarray(array, dtype=self.narrow) for array in (*states, *rounded)]
+        self.lib.wide_errors(count, *self._pointers(kept), self.ffi.cast("double *", errors.ctypes.data))
+        return errors
 
     def _pointers(self, arrays: Sequence[Array]) -> list[Any]:
         if any(array.dtype != self.narrow or not array.flags.c_contiguous for array in arrays):

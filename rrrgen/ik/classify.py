@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 from rrrgen.base.errors import DerivationError
 from rrrgen.base.small_matrices import singular_values
 from rrrgen.ik import families
-from rrrgen.ik.families import equipped, works
-from rrrgen.ik.geometry.chain import KinematicChain, Matrix, extended, numeric_chain
+from rrrgen.ik.families import complete_plan, works
+from rrrgen.ik.geometry.chain import KinematicChain, Matrix, extend_chain, numeric_chain
 from rrrgen.ik.geometry.mechanism import coupling_of, largest_tilt, solved_chain
-from rrrgen.ik.geometry.nearly_special import changes, deviation, nearest_special, snapped, with_near_frames
+from rrrgen.ik.geometry.nearly_special import changes, deviation, nearest_special, snap_chain, with_near_frames
 from rrrgen.ik.plan import ARM_ANGLE, NominalFirst, SolverPlan
 from rrrgen.ik.tolerances import EXACT, NEARLY, RANK, SPECIAL
 from rrrgen.robot.model.mechanism import chain_to_tip, tip_arm
@@ -44,61 +44,69 @@ def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
     planned as the chain of its rows from base to tip, with a ``coupling``; ``redundancy`` then counts these rows.
     """
     if spec.mechanism is not None:
-        found = _coupled(spec, redundancy)
-        return replace(found, approach=f"{WITHOUT_EFFECT} on a mechanism") if spec.ik == "nominal_first" else found
-    found = _planned(with_near_frames(numeric_chain(spec)), redundancy)
-    return with_nominal_first(found) if spec.ik == "nominal_first" else found
+        solver_plan = _plan_mechanism(spec, redundancy)
+        return (
+            replace(solver_plan, approach=f"{WITHOUT_EFFECT} on a mechanism")
+            if spec.ik == "nominal_first"
+            else solver_plan
+        )
+    solver_plan = _plan_once(with_near_frames(numeric_chain(spec)), redundancy)
+    return with_nominal_first(solver_plan) if spec.ik == "nominal_first" else solver_plan
 
 
 def tip_plans(spec: RobotSpec) -> dict[str, tuple[RobotSpec, SolverPlan]]:
     """For every named tip of ``spec`` the robot of the joints that move it alone, and the plan that solves it."""
-    found = {}
+    plans = {}
     for tip in spec.tips:
         try:
             arm = tip_arm(spec, tip).spec
-            found[tip] = arm, plan(arm)
+            plans[tip] = arm, plan(arm)
         except DerivationError as reason:
             one = spec.at_tip(tip)
             chain = numeric_chain(chain_to_tip(one)) if spec.loops else solved_chain(one)[0]
-            found[tip] = one, _none(chain, str(reason))
-    return found
+            plans[tip] = one, _none(chain, str(reason))
+    return plans
 
 
-def with_nominal_first(found: SolverPlan) -> SolverPlan:
-    """Let the plan ``found`` refine the solutions of a nearby special arm before it solves its own equations.
+def with_nominal_first(solver_plan: SolverPlan) -> SolverPlan:
+    """Let ``solver_plan`` refine the solutions of a nearby special arm before it solves its own equations.
 
     The general equations are then solved only for targets where those solutions may not be all. Plans that do not
     solve general equations, and arms near no special one, keep their equations; ``approach`` of the result says why.
     """
-    companion = _quadratic_companion(found) if found.general else None
+    companion = _quadratic_companion(solver_plan) if solver_plan.general else None
     if companion is None:
-        why = "no special arm is near this one" if found.general else "no general equations of six joints are solved"
-        return replace(found, approach=f"{WITHOUT_EFFECT}: {why}")
+        why = (
+            "no special arm is near this one"
+            if solver_plan.general
+            else "no general equations of six joints are solved"
+        )
+        return replace(solver_plan, approach=f"{WITHOUT_EFFECT}: {why}")
     special = companion.solving
-    first = NominalFirst(deviation(found.chain, special), changes(found.chain, special))
+    first = NominalFirst(deviation(solver_plan.chain, special), changes(solver_plan.chain, special))
     words = (
         f"nominal first: the at most {companion.max_solutions} solutions of the nearest special arm "
         f"({companion.title}) are refined by Newton steps on this arm; where they may not be all, the general "
         f"equations are solved. The special arm has {', '.join(first.changes)}; poses differ by up to "
-        f"{first.deviation:.2g} (rad, or parts of the reach of {found.chain.reach:.3g} m)"
+        f"{first.deviation:.2g} (rad, or parts of the reach of {solver_plan.chain.reach:.3g} m)"
     )
-    return replace(found, companion=companion, nominal_first=first, approach=words)
+    return replace(solver_plan, companion=companion, nominal_first=first, approach=words)
 
 
-def _quadratic_companion(found: SolverPlan) -> SolverPlan | None:
+def _quadratic_companion(solver_plan: SolverPlan) -> SolverPlan | None:
     """Plan the nearest special arm that is solved by equations of degree 1 and 2; None if there is none nearby.
 
     Quartics are excluded: whether a nearby arm has more real roots is judged by discriminants of quadratic equations.
     """
     for tolerance in NEARLY:
-        _, nearby = _best(found.chain, nearest_special(found.chain, tolerance), found.locked)
+        _, nearby = _best(solver_plan.chain, nearest_special(solver_plan.chain, tolerance), solver_plan.locked)
         quadratic = nearby.solver is not None and all(stage.most <= 2 for stage in nearby.solver.stages)
-        if quadratic and nearby.locked == found.locked:
+        if quadratic and nearby.locked == solver_plan.locked:
             return replace(nearby, snapped=True)
     return None
 
 
-def _coupled(spec: RobotSpec, redundancy: int | None) -> SolverPlan:
+def _plan_mechanism(spec: RobotSpec, redundancy: int | None) -> SolverPlan:
     """Plan a mechanism from its rows of the DH table from base to tip, solved as if each had a drive.
 
     The plan has a ``coupling``, which converts solutions of these rows to joint positions.
@@ -108,37 +116,37 @@ def _coupled(spec: RobotSpec, redundancy: int | None) -> SolverPlan:
         reason = f"a tip that closed loops move is not solved for ({names})"
         return _none(numeric_chain(chain_to_tip(spec)), reason)
     chain, S = solved_chain(spec)
-    found = _with_tilts(_planned(chain, redundancy))
-    if not found.solvable:
-        return found
+    solver_plan = _with_tilts(_plan_once(chain, redundancy))
+    if not solver_plan.solvable:
+        return solver_plan
     try:
         coupling = coupling_of(spec, chain, S)
     except DerivationError as error:
         return _none(chain, str(error))
-    if found.locked is None or found.locked == ARM_ANGLE or coupling.leader(found.locked) is not None:
-        return replace(found, coupling=coupling)
+    if solver_plan.locked is None or solver_plan.locked == ARM_ANGLE or coupling.leader(solver_plan.locked) is not None:
+        return replace(solver_plan, coupling=coupling)
     if redundancy is not None:
         return _none(chain, f"{chain.joints[redundancy].name} cannot be prescribed, because it follows several joints")
     leading = (k for k in range(chain.n) if coupling.leader(k) is not None)
-    plans = (_with_tilts(_planned(chain, k)) for k in leading)
+    plans = (_with_tilts(_plan_once(chain, k)) for k in leading)
     return next(
-        (replace(each, coupling=coupling) for each in plans if each.solvable),
+        (replace(candidate, coupling=coupling) for candidate in plans if candidate.solvable),
         _none(chain, "the rows to the tip are redundant, and none that follows one joint can be prescribed"),
     )
 
 
-def _with_tilts(found: SolverPlan) -> SolverPlan:
+def _with_tilts(solver_plan: SolverPlan) -> SolverPlan:
     """Mark the plan of a chain with fixed rows: its equations are those of the arm without their tilts."""
-    tilt = largest_tilt(found.chain)
-    if tilt == 0.0 or not found.solvable:
-        return found
+    tilt = largest_tilt(solver_plan.chain)
+    if tilt == 0.0 or not solver_plan.solvable:
+        return solver_plan
     why = f"its fixed rows hold tilts of up to {tilt:.1g}, and equations are known without them only"
-    incomplete = found.incomplete or ("" if tilt < SPECIAL else _only_nearby(why))
-    return replace(found, snapped=True, incomplete=incomplete)
+    incomplete = solver_plan.incomplete or ("" if tilt < SPECIAL else _only_nearby(why))
+    return replace(solver_plan, snapped=True, incomplete=incomplete)
 
 
 @lru_cache(maxsize=16)
-def _planned(chain: KinematicChain, redundancy: int | None) -> SolverPlan:
+def _plan_once(chain: KinematicChain, redundancy: int | None) -> SolverPlan:
     """Plan a chain as :func:`plan_chain` does, and remember the plans of the last 16 chains.
 
     The writers of the sources, of the self-test and of the manifest all ask for the plan of the same chain.
@@ -153,12 +161,12 @@ def plan_chain(chain: KinematicChain, redundancy: int | None = None) -> SolverPl
     lengths and sines (up to 1e-2, lengths relative to the reach) are set to zero, and the resulting simpler arm is
     planned instead of the chain, or in addition to it.
     """
-    cost, general = _best(chain, snapped(chain, EXACT), redundancy)
+    cost, general = _best(chain, snap_chain(chain, EXACT), redundancy)
     if cost <= SPLITS:
         return general
-    seen = snapped(chain, EXACT)
+    seen = snap_chain(chain, EXACT)
     for tolerance in (SPECIAL, *NEARLY):
-        special = snapped(chain, tolerance) if tolerance == SPECIAL else nearest_special(chain, tolerance)
+        special = snap_chain(chain, tolerance) if tolerance == SPECIAL else nearest_special(chain, tolerance)
         if special == seen:
             continue
         seen = special
@@ -191,7 +199,7 @@ def _best(chain: KinematicChain, special: KinematicChain, redundancy: int | None
     else:
         return UNSOLVED, _none(chain, _dependent(chain, pose_rank, redundancy))
     for cost, option in sorted(options, key=lambda entry: entry[0]):
-        complete = families.equipped(replace(option, chain=chain))
+        complete = families.complete_plan(replace(option, chain=chain))
         if complete is not None and families.works(complete, TRIALS):
             return cost, complete
     return UNSOLVED, _none(chain, families.reason(special, pose_rank, redundancy))
@@ -212,7 +220,7 @@ def _virtual_chains(chain: KinematicChain) -> Iterator[tuple[KinematicChain, int
     count = wanted - chain.n
     offsets = (0.0, 0.37 * chain.reach)
     for at_base, shift, turn in cartesian((False, True), offsets, (0, 1)):
-        yield extended(chain, count, at_base=at_base, shift=shift, turn=turn), count
+        yield extend_chain(chain, count, at_base=at_base, shift=shift, turn=turn), count
 
 
 def _redundant_plans(chain: KinematicChain, redundancy: int | None) -> list[tuple[int, SolverPlan]]:
@@ -284,22 +292,22 @@ def plan_with_tool(spec: RobotSpec) -> SolverPlan:
     The family is that of the arm with the tool of its robot file, since it depends on the axes and not on the point
     that they move. Raises DerivationError with the reason for an arm that has no such solver.
     """
-    found = plan(spec)
-    if not found.solvable:
-        raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {found.reason}")
-    if found.task != "position":
+    solver_plan = plan(spec)
+    if not solver_plan.solvable:
+        raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {solver_plan.reason}")
+    if solver_plan.task != "position":
         raise DerivationError(
             f"{spec.name}: its inverse kinematics solves for poses, and a tool only changes its target: see tool_target"
         )
-    tooled = _tooled(found, solved_chain(replace(spec, tool=FixedTransform()))[0].tip)
+    tooled = _with_tool(solver_plan, solved_chain(replace(spec, tool=FixedTransform()))[0].tip)
     if tooled is None or not works(tooled, TRIALS):
-        raise DerivationError(f"{spec.name}: {found.title}: its equations do not hold for other tools")
+        raise DerivationError(f"{spec.name}: {solver_plan.title}: its equations do not hold for other tools")
     return tooled
 
 
-def _tooled(part: SolverPlan, last_link: Matrix) -> SolverPlan | None:
+def _with_tool(part: SolverPlan, last_link: Matrix) -> SolverPlan | None:
     """The plan ``part``, and its companion, with the tool as an input; None where the equations degenerate."""
-    companion = part.companion and _tooled(part.companion, last_link)
+    companion = part.companion and _with_tool(part.companion, last_link)
     if part.companion is not None and companion is None:
         return None
-    return equipped(replace(part, companion=companion, last_link=last_link))
+    return complete_plan(replace(part, companion=companion, last_link=last_link))

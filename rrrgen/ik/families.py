@@ -12,11 +12,11 @@ from typing import Any
 from rrrgen.base.errors import DerivationError, InternalError
 from rrrgen.base.small_matrices import singular_values
 from rrrgen.ik.geometry.chain import KinematicChain, arm_angle, multiply, translation
-from rrrgen.ik.geometry.loop import Loop, commuted, straightened
+from rrrgen.ik.geometry.loop import Loop, commute_joints, straighten
 from rrrgen.ik.geometry.rigid_transforms import Crossing, rigid
 from rrrgen.ik.plan import ARM_ANGLE, Singularity, SolverPlan, record, solving_loop
-from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
-from rrrgen.ik.singularities import described
+from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrap
+from rrrgen.ik.singularities import describe_singularities
 from rrrgen.ik.solutions.general_6r import MAX_SOLUTIONS, is_general, tables_of
 from rrrgen.ik.solutions.parallel import Frame, better
 from rrrgen.ik.solutions.planar import triple_of
@@ -53,7 +53,7 @@ def pose_plans(chain: KinematicChain, locked: int | None = None) -> Options:
         yield from _general_plans(chain, locked)
     for i, joint in enumerate(loop.joints):
         for direction in (1, -1) if not joint.revolute else ():
-            moved = commuted(loop, i, direction)
+            moved = commute_joints(loop, i, direction)
             if moved is not None:
                 yield from _structured_plans(chain, moved, locked, (i, direction))
 
@@ -98,9 +98,9 @@ def _structured_plans(
 ) -> Options:
     names = [f"{joint.index + 1}" for joint in loop.joints]
     m = len(loop.joints)
-    straight = straightened(loop)
+    straight = straighten(loop)
 
-    def made(family: Any, title: str, first: int = 0) -> SolverPlan:
+    def family_plan(family: Any, title: str, first: int = 0) -> SolverPlan:
         return SolverPlan(family, title, "pose", chain, chain, first=first, locked=locked, commute=commute)
 
     def triple(k: int) -> str:
@@ -108,21 +108,26 @@ def _structured_plans(
 
     for k in range(m if m == 6 else 0):
         if is_spherical(loop, k):
-            cost = simplest(arm_of(straightened(loop.started((k + 3) % 6))))[0]
+            cost = simplest(arm_of(straighten(loop.start_at((k + 3) % 6))))[0]
             arm = "".join(loop.types[(k + 3 + i) % 6] for i in range(3))
             if cost < UNUSABLE:
-                yield 10 + cost, made("spherical", f"spherical triple {triple(k)} on the arm {arm}", k)
+                yield 10 + cost, family_plan("spherical", f"spherical triple {triple(k)} on the arm {arm}", k)
         cost = better(straight, k)[0]
         if cost < UNUSABLE:
-            yield 11 + cost, made("parallel", f"planar triple {triple(k)} (parallel axes)", k)
+            yield 11 + cost, family_plan("parallel", f"planar triple {triple(k)} (parallel axes)", k)
     if turning_axes(loop) is not None and (loop.types == "RRR" or (m == 6 and loop.types.count("P") == 3)):
-        yield 12, made("orientation", "rotation by three joints" + (", then three linear equations" if m == 6 else ""))
+        yield (
+            12,
+            family_plan(
+                "orientation", "rotation by three joints" + (", then three linear equations" if m == 6 else "")
+            ),
+        )
     if m == 3 and triple_of(straight, 0) is not None:
-        yield 5, made("planar", f"planar arm {loop.types}: position and angle in its plane")
+        yield 5, family_plan("planar", f"planar arm {loop.types}: position and angle in its plane")
     for k in range(m if m == 4 else 0):
         frame = Frame.of(straight, k)
         if frame is not None and _lifts(frame):
-            yield 5, made("lift", f"planar triple {triple(k)} with a lift (SCARA type)", k)
+            yield 5, family_plan("lift", f"planar triple {triple(k)} with a lift (SCARA type)", k)
 
 
 def _lifts(frame: Frame) -> bool:
@@ -208,14 +213,14 @@ def _same(chain: KinematicChain, row: list[float], q: Any) -> bool:
     if len(row) < len(q):
         return False
     return all(
-        abs(wrapped(row[joint.index] - q[joint.index])) < FOUND
+        abs(wrap(row[joint.index] - q[joint.index])) < FOUND
         if joint.revolute
         else abs(row[joint.index] - q[joint.index]) < FOUND * chain.reach
         for joint in chain.joints
     )
 
 
-def equipped(plan: SolverPlan) -> SolverPlan | None:
+def complete_plan(plan: SolverPlan) -> SolverPlan | None:
     """Add equations, number of solutions and singularities to ``plan``; None where the equations degenerate."""
     if plan.general:
         words = "det J(q) = 0" + (", J without the prescribed joint" if plan.locked is not None else "")
@@ -225,7 +230,7 @@ def equipped(plan: SolverPlan) -> SolverPlan | None:
         solver = record(plan)
     except (InternalError, ZeroDivisionError):
         return None
-    return described(replace(plan, solver=solver, max_solutions=solver.max_solutions), solver.stages)
+    return describe_singularities(replace(plan, solver=solver, max_solutions=solver.max_solutions), solver.stages)
 
 
 def reason(chain: KinematicChain, rank: int, redundancy: int | None = None) -> str:

@@ -96,16 +96,16 @@ class Evaluated:
     ) -> Answer:
         """Solve for one target, or find the configuration nearest to it."""
         q_ref = None if reference is None else reference.tolist()
-        found = solve(self._plan, goal.ravel().tolist(), q_ref, given, bits, closest=closest)
-        rows = found.rows
+        solutions = solve(self._plan, goal.ravel().tolist(), q_ref, given, bits, closest=closest)
+        rows = solutions.rows
         return Answer(
-            found.status,
+            solutions.status,
             np.array([row.q for row in rows], float).reshape(len(rows), self._plan.n),
             np.array([row.flags for row in rows], np.uint32),
             np.array([row.branch for row in rows], np.uint32),
             np.array([row.residual for row in rows], float),
-            found.stage,
-            found.distance,
+            solutions.stage,
+            solutions.distance,
         )
 
     def batch(
@@ -222,21 +222,21 @@ class InverseKinematics:
         core = 2 if given_targets.shape[-2:] == (4, 4) else 1
         batch = given_targets.shape[:-core]
         goals = self._targets(given_targets.reshape(-1, *given_targets.shape[-core:]))
-        reference, given = self._reference(q_ref), self._given(redundancy, q_ref)
+        reference, given = self._reference(q_ref), self._redundancy_parameter(redundancy, q_ref)
         prescribed = None
         if self._locked:
             value = real_array("redundancy", given)
             if value.shape not in ((), batch):
                 raise InputError(f"redundancy must be one number or of shape {batch}, not of shape {value.shape}")
             prescribed = np.ascontiguousarray(np.broadcast_to(value, batch).reshape(len(goals)))
-        found, rows = self._engine.batch(goals, reference, prescribed, chosen), self.max_solutions
+        flat_batch, rows = self._engine.batch(goals, reference, prescribed, chosen), self.max_solutions
         return IKBatch(
-            found.q.reshape(*batch, rows, self.n),
-            found.counts.reshape(batch),
-            found.flags.reshape(*batch, rows),
-            found.branch.reshape(*batch, rows),
-            found.statuses.reshape(batch),
-            found.distances.reshape(batch),
+            flat_batch.q.reshape(*batch, rows, self.n),
+            flat_batch.counts.reshape(batch),
+            flat_batch.flags.reshape(*batch, rows),
+            flat_batch.branch.reshape(*batch, rows),
+            flat_batch.statuses.reshape(batch),
+            flat_batch.distances.reshape(batch),
         )
 
     def sweep(
@@ -274,14 +274,14 @@ class InverseKinematics:
     ) -> IKResult:
         goal = self._targets(real_array("target", target)[None])
         reference = self._reference(q_ref)
-        given = self._given(redundancy, q_ref)
+        given = self._redundancy_parameter(redundancy, q_ref)
         value = real_number("redundancy", given) if self._locked else 0.0
-        found = self._engine.answer(goal, reference, value, bits, closest)
-        code, count = found.code, len(found.q)
+        answer = self._engine.answer(goal, reference, value, bits, closest)
+        code, count = answer.code, len(answer.q)
         reason = "" if code == 0 else self._texts[code]
         if code == 1 or (code == 5 and count == 0):
-            reason = self._reasons[found.stage]
-        return IKResult(found.q, found.flags, found.branch, found.residual, STATUS[code], reason, found.distance)
+            reason = self._reasons[answer.stage]
+        return IKResult(answer.q, answer.flags, answer.branch, answer.residual, STATUS[code], reason, answer.distance)
 
     def _targets(self, goals: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.plan.task == "position":
@@ -315,7 +315,7 @@ class InverseKinematics:
             raise InputError(f"q_ref must hold {self.n} numbers, not shape {reference.shape}")
         return reference
 
-    def _given(self, redundancy: Any, q_ref: ArrayLike | None) -> Any:
+    def _redundancy_parameter(self, redundancy: Any, q_ref: ArrayLike | None) -> Any:
         if not self._locked:
             if redundancy is not None:
                 raise DerivationError(f"{self._name} has no redundancy parameter")
@@ -346,13 +346,13 @@ def evaluated_solver(spec: RobotSpec, redundancy: int | None = None) -> InverseK
     ``redundancy`` is the number (from 0) of the joint to prescribe in a redundant arm; None lets rrrgen choose.
     Raises :class:`rrrgen.base.errors.DerivationError` with the reason if the chain has no solver.
     """
-    return _evaluated(solvable_plan(spec, redundancy), spec.name)
+    return _python_solver(solvable_plan(spec, redundancy), spec.name)
 
 
 def evaluated_tool_solver(spec: RobotSpec) -> InverseKinematics:
     """The inverse kinematics of a position task with the tool as an input, evaluated in Python."""
-    return _evaluated(plan_with_tool(spec), spec.name)
+    return _python_solver(plan_with_tool(spec), spec.name)
 
 
-def _evaluated(plan: SolverPlan, name: str) -> InverseKinematics:
+def _python_solver(plan: SolverPlan, name: str) -> InverseKinematics:
     return InverseKinematics(plan, Evaluated(plan), name)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from rrrgen.base.errors import InternalError
 from rrrgen.ik.geometry.chain import Joint, KinematicChain, Matrix
-from rrrgen.ik.geometry.loop import Loop, close, commuted, lock, straightened
-from rrrgen.ik.geometry.rigid_transforms import Crossing, Vector, minus, rigid, rotate, transposed
+from rrrgen.ik.geometry.loop import Loop, close, commute_joints, lock, straighten
+from rrrgen.ik.geometry.rigid_transforms import Crossing, Vector, minus, rigid, rotate, transpose
 from rrrgen.ik.recording.builder import DerivationBuilder, Turn
 from rrrgen.ik.recording.recorder import Recorder
 from rrrgen.ik.recording.scalar import Pool
@@ -166,10 +166,10 @@ def record_exactly(plan: SolverPlan, chain: KinematicChain) -> Solver | None:
     recorder = Recorder(Pool(_exact))
     try:
         derive(recorder, plan, chain)
-        found = recorder.solver(plan.chain.n)
+        solver = recorder.solver(plan.chain.n)
     except (TypeError, InternalError):
         return None
-    return found if found.outline == plan.equations.outline else None
+    return solver if solver.outline == plan.equations.outline else None
 
 
 def _exact(x: Any) -> Any:
@@ -188,10 +188,10 @@ def derive(b: DerivationBuilder, plan: SolverPlan, chain: KinematicChain | None 
     elif plan.family == "point":
         derive_point(b, solving, reach, plan.last_link)
     elif plan.family == "elbow7":
-        psi = b.given(Joint(ARM_ANGLE, True))
+        psi = b.redundancy_parameter(Joint(ARM_ANGLE, True))
         if not isinstance(psi, Turn):
             raise InternalError("the arm angle is an angle")
-        derive_elbow7(b, straightened(close(b, solving)), psi, reach)
+        derive_elbow7(b, straighten(close(b, solving)), psi, reach)
     else:
         _derive_loop(b, plan, solving_loop(b, solving, plan.locked, plan.commute), reach)
 
@@ -208,7 +208,7 @@ def solving_loop(
         loop = lock(b, loop, locked)
     if commute is None:
         return loop
-    moved = commuted(loop, *commute)
+    moved = commute_joints(loop, *commute)
     if moved is None:
         raise InternalError("the prismatic joint does not commute")
     return moved
@@ -235,7 +235,7 @@ def derive_position(b: DerivationBuilder, chain: KinematicChain, reach: float, l
     With a ``last_link``, the tip is the tool that the builder has as an input, carried by that transform.
     """
     base, tip = rigid(chain.base), rigid(chain.tip)
-    target: Vector = b.names("p", rotate(transposed(base.R), minus(b.point(), base.t)))
+    target: Vector = b.names("p", rotate(transpose(base.R), minus(b.point(), base.t)))
     first, second = (Crossing.of(link) for link in chain.links)
     joints = (chain.joints[0], chain.joints[1], chain.joints[2])
     arm = Arm(joints, first, second, tip.t, target)

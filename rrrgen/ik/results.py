@@ -103,10 +103,10 @@ class SolverEngine(Protocol):
 def batch_of(answers: Sequence[Answer], rows: int, n: int) -> IKBatch:
     """Pack the answers for several targets into arrays with room for ``rows`` solutions of ``n`` joints each."""
     out = empty_batch(len(answers), rows, n)
-    for i, found in enumerate(answers):
-        k = out.counts[i] = len(found.q)
-        out.q[i, :k], out.flags[i, :k], out.branch[i, :k] = found.q, found.flags, found.branch
-        out.statuses[i], out.distances[i] = found.code, found.distance
+    for i, answer in enumerate(answers):
+        k = out.counts[i] = len(answer.q)
+        out.q[i, :k], out.flags[i, :k], out.branch[i, :k] = answer.q, answer.flags, answer.branch
+        out.statuses[i], out.distances[i] = answer.code, answer.distance
     return out
 
 

@@ -91,14 +91,16 @@ _MEANING = {
 }
 
 
-def described(plan: SolverPlan, stages: Sequence[Stage]) -> SolverPlan:
+def describe_singularities(plan: SolverPlan, stages: Sequence[Stage]) -> SolverPlan:
     """Copy ``plan`` with its singularities described in words, one for each root selection in ``stages``."""
     names = {joint.index: joint.name or f"joint {joint.index + 1}" for joint in plan.solving.joints}
-    found = []
+    singularities = []
     for stage in stages:
         joint = names.get(stage.joint, f"joint {stage.joint + 1}")
-        found.append(Singularity(_MEANING.get(stage.label, "two solutions for {joint} meet").format(joint=joint)))
-    return replace(plan, singularities=tuple(found))
+        singularities.append(
+            Singularity(_MEANING.get(stage.label, "two solutions for {joint} meet").format(joint=joint))
+        )
+    return replace(plan, singularities=tuple(singularities))
 
 
 def singular_sets(spec: RobotSpec, plan: SolverPlan) -> tuple[Singularity, ...]:
@@ -152,7 +154,7 @@ def determinant(arm: KinematicChain) -> sp.Expr:
     axis = sp.Matrix([0, 0, arm.joints[0].sign])
     first = axis.cross(point) if arm.joints[0].revolute else axis
     value = sp.Matrix.hstack(first, point.diff(q[1]), point.diff(q[2])).det()
-    return _simplified(sp.expand(value, trig=True), q[1:]).xreplace(shifts)
+    return _simplify(sp.expand(value, trig=True), q[1:]).xreplace(shifts)
 
 
 def _motion(revolute: bool, x: sp.Expr) -> sp.Matrix:
@@ -169,7 +171,7 @@ def _matrix(rows: object) -> sp.Matrix:
     return sp.Matrix([*(list(row) for row in rows), [0, 0, 0, 1]])  # type: ignore[attr-defined]
 
 
-def _simplified(value: sp.Expr, angles: list[sp.Symbol]) -> sp.Expr:
+def _simplify(value: sp.Expr, angles: list[sp.Symbol]) -> sp.Expr:
     """Factor a trigonometric polynomial in two ``angles`` and collect sums of angles in each factor.
 
     Before factoring, sin^2 may be replaced by 1 - cos^2. A factorization is found only for some choices of the angles
@@ -191,10 +193,10 @@ def _simplified(value: sp.Expr, angles: list[sp.Symbol]) -> sp.Expr:
             reduced = sp.expand(sp.rem(reduced, s**2 + c**2 - 1, s)) if reduced.has(s) else reduced
         tried.append(sp.factor(reduced))
     best = min(tried, key=sp.count_ops)
-    return sp.Mul(*(_collected(factor.xreplace(back)) for factor in sp.Mul.make_args(best)))
+    return sp.Mul(*(_collect_angle_sums(factor.xreplace(back)) for factor in sp.Mul.make_args(best)))
 
 
-def _collected(factor: sp.Expr) -> sp.Expr:
+def _collect_angle_sums(factor: sp.Expr) -> sp.Expr:
     """Rewrite ``factor`` with sums of angles if that is shorter; more than ``TERMS`` terms are left as they are."""
     if len(sp.Add.make_args(factor)) > TERMS:
         return factor
@@ -203,9 +205,9 @@ def _collected(factor: sp.Expr) -> sp.Expr:
 
 def _factors(value: sp.Expr) -> list[sp.Expr]:
     """The factors of ``value`` that depend on a joint, each to the power 1 and with a positive leading sign."""
-    found = []
+    factors = []
     for factor in sp.Mul.make_args(value):
         base = factor.base if isinstance(factor, sp.Pow) else factor
         if any(symbol.name.startswith("q_") for symbol in base.free_symbols):
-            found.append(-base if base.could_extract_minus_sign() else base)
-    return found
+            factors.append(-base if base.could_extract_minus_sign() else base)
+    return factors

@@ -377,12 +377,12 @@ def runtime(real: str) -> dict[str, str]:
 
 def search() -> dict[str, float]:
     """The values of :data:`SEARCH`, by name, in double precision, for the evaluation in Python."""
-    return {each.name: float(each.double) for each in SEARCH}
+    return {tolerance.name: float(tolerance.double) for tolerance in SEARCH}
 
 
 def elimination() -> dict[str, float]:
     """The values of :data:`ELIMINATION` and :data:`EIGENVALUES`, by name, for the evaluation in Python."""
-    return {each.name: float(each.double) for each in ELIMINATION + EIGENVALUES}
+    return {tolerance.name: float(tolerance.double) for tolerance in ELIMINATION + EIGENVALUES}
 
 
 def kernel_values(real: str) -> dict[str, str]:
@@ -393,4 +393,4 @@ def kernel_values(real: str) -> dict[str, str]:
 
 
 def _literals(table: tuple[Tolerance, ...], real: str) -> dict[str, str]:
-    return {each.name: each.single if real == "float" else each.double for each in table}
+    return {tolerance.name: tolerance.single if real == "float" else tolerance.double for tolerance in table}

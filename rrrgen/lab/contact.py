@@ -55,7 +55,7 @@ def residual_covariance(residuals: Array, jacobians: Array) -> ResidualCovarianc
     halves = [(residuals[:half], jacobians[:half]), (residuals[half:], jacobians[half:])]
     moments = [_moment(r) for r, _ in halves]
     ratios = [
-        np.mean([_normalised(S, r, J[:, :rows]) for S, (r, J) in zip(moments[::-1], halves, strict=True)])
+        np.mean([_mean_normalised_square(S, r, J[:, :rows]) for S, (r, J) in zip(moments[::-1], halves, strict=True)])
         for rows in (0, 3, 6)
         if rows <= n
     ]
@@ -70,7 +70,7 @@ def _moment(residuals: Array) -> Array:
     return np.asarray(S)
 
 
-def _normalised(S: Array, residuals: Array, jacobians: Array) -> float:
+def _mean_normalised_square(S: Array, residuals: Array, jacobians: Array) -> float:
     """Mean of e' inv(P) e over its expectation, for the loads e of ``jacobians`` (N, k, n) that the residuals give.
 
     With white residuals, e' inv(P) e is the square of their projection on the torques J'F of all loads; without rows,
@@ -138,14 +138,14 @@ def block_maxima(residuals: Array, samples: int) -> Array:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def contact_header(name: str, found: ContactFindings) -> str:
+def contact_header(name: str, findings: ContactFindings) -> str:
     """Text of the header of the robot ``name``.
 
     The emitted function ``<name>_contact`` takes the thresholds, ``<name>_external_force`` and
     ``<name>_external_wrench`` take the covariance.
     """
     macro = name.upper()
-    limits, covariance = found.thresholds, np.ravel(found.covariance.matrix)
+    limits, covariance = findings.thresholds, np.ravel(findings.covariance.matrix)
     return (
         f"/* {name}_contact.h: thresholds of contact detection, by rrrgen experiment contact-thresholds.\n *\n"
         f" *     static const {name}_real threshold[{macro}_N] = {macro}_CONTACT_THRESHOLDS;\n"
@@ -153,15 +153,15 @@ def contact_header(name: str, found: ContactFindings) -> str:
         f" *     static const {name}_real covariance[{macro}_N * {macro}_N] = {macro}_CONTACT_COVARIANCE;\n *\n"
         " * They hold for the observer pole, the period and the speed filter that they were found with.\n */\n"
         f"#ifndef {macro}_CONTACT_H\n#define {macro}_CONTACT_H\n\n"
-        f"#define {macro}_CONTACT_THRESHOLDS {_listed(limits.levels)} /* of the residuals, N m | N */\n"
-        f"#define {macro}_CONTACT_CHANGE_THRESHOLDS {_listed(limits.change_levels)} /* of their changes, N m | N */\n"
-        f"#define {macro}_CONTACT_COVARIANCE {_listed(covariance)} /* of the residuals, by rows */\n"
-        f"#define {macro}_CONTACT_GAIN {found.gain:.9g} /* pole of the momentum observer, 1/s */\n"
-        f"#define {macro}_CONTACT_PERIOD {found.period:.9g} /* s */\n\n#endif\n"
+        f"#define {macro}_CONTACT_THRESHOLDS {_c_array(limits.levels)} /* of the residuals, N m | N */\n"
+        f"#define {macro}_CONTACT_CHANGE_THRESHOLDS {_c_array(limits.change_levels)} /* of their changes, N m | N */\n"
+        f"#define {macro}_CONTACT_COVARIANCE {_c_array(covariance)} /* of the residuals, by rows */\n"
+        f"#define {macro}_CONTACT_GAIN {findings.gain:.9g} /* pole of the momentum observer, 1/s */\n"
+        f"#define {macro}_CONTACT_PERIOD {findings.period:.9g} /* s */\n\n#endif\n"
     )
 
 
-def _listed(values: Iterable[float]) -> str:
+def _c_array(values: Iterable[float]) -> str:
     return "{ " + ", ".join(f"{value:.9g}" for value in values) + " }"
 
 
@@ -219,17 +219,17 @@ def step_responses(matrices: Sequence[KalmanMatrices], gain: float, seconds: flo
     the length of the responses. A constant torque gives a constant acceleration: the Kalman filter measures a
     parabola, and the observer low-pass filters the change of the estimated speed.
     """
-    found: list[Any] = []
-    for each in matrices:
-        count = max(2, round(seconds / each.period))
+    responses: list[Any] = []
+    for kalman in matrices:
+        count = max(2, round(seconds / kalman.period))
         x, speed, speeds = np.zeros(3), 0.0, np.empty(count)
         for k in range(count):
-            measured = 0.5 * ((k + 1) * each.period) ** 2
-            x = x + each.k * (measured - x[0])
-            speeds[k], speed = (x[1] - speed) / each.period, x[1]
-            x = each.E @ x
-        found.append(first_order_lag(speeds, math.exp(-gain * each.period)))
-    return np.stack(found, axis=1)
+            measured = 0.5 * ((k + 1) * kalman.period) ** 2
+            x = x + kalman.k * (measured - x[0])
+            speeds[k], speed = (x[1] - speed) / kalman.period, x[1]
+            x = kalman.E @ x
+        responses.append(first_order_lag(speeds, math.exp(-gain * kalman.period)))
+    return np.stack(responses, axis=1)
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -275,7 +275,7 @@ def contact_thresholds(
     samples = round(block / period)
     if samples < 1 or not seconds_per_alarm > block:
         raise InputError(f"a block of {block:g} s is no longer than a sample, or the time between alarms is no longer")
-    stretches = [np.asarray(each, float) for each in residuals]
+    stretches = [np.asarray(stretch, float) for stretch in residuals]
     pairs = [np.hstack([r, changes(r, period, gain)]) for r in stretches]
     maxima = np.concatenate([block_maxima(pair, samples) for pair in pairs])
     if len(maxima) < FEWEST_BLOCKS:
@@ -285,7 +285,7 @@ def contact_thresholds(
         )
     fitted = tuple(fit_gumbel(column) for column in maxima.T)
     probability = -math.expm1(-block / seconds_per_alarm / len(fitted))
-    levels, n = tuple(each.level(probability) for each in fitted), len(fitted) // 2
+    levels, n = tuple(distribution.level(probability) for distribution in fitted), len(fitted) // 2
     return ContactThresholds(levels[:n], levels[n:], fitted[:n], fitted[n:], block, len(maxima), seconds_per_alarm)
 
 
@@ -425,17 +425,17 @@ def findings_of_recordings(
     else:
         kalman = KalmanSmoother(tuple(eta for eta, _ in tuning), tuple(xi for _, xi in tuning), smooth=False)
     residuals = [observer_residuals(model, q, tau, period, kalman, gain, width) for q, tau in stretches]
-    found = contact_thresholds(residuals, period, gain, seconds_per_alarm, block)
+    thresholds = contact_thresholds(residuals, period, gain, seconds_per_alarm, block)
     r = np.concatenate(residuals)
     q = np.concatenate([q[len(q) - len(r) :] for (q, _), r in zip(stretches, residuals, strict=True)])
     every = max(1, len(q) // SAMPLES)
     J = model.jacobian(q[::every])
     responses = step_responses(kalman.matrices(period, model.n), gain, LONGEST_DELAY)
-    detection = expected_detection(found, J[:: max(1, len(J) // POSES)], responses, period, gain, force)
+    detection = expected_detection(thresholds, J[:: max(1, len(J) // POSES)], responses, period, gain, force)
     size = rms(np.concatenate([tau for _, tau in stretches]), axis=0)
     shares = rms(r, axis=0) / np.maximum(size, np.finfo(float).tiny)
     covariance = residual_covariance(r[::every], J)
-    return ContactFindings(found, covariance, detection, gain, period, tuple(shares.tolist()))
+    return ContactFindings(thresholds, covariance, detection, gain, period, tuple(shares.tolist()))
 
 
 def _usable(recording: Log) -> list[tuple[np.ndarray, np.ndarray]]:

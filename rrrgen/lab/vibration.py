@@ -63,10 +63,10 @@ def pole(frequency: float, damping: float, period: float) -> complex:
 
 def below_sampling(vibrations: Sequence[Vibration], period: float) -> None:
     """Raise :class:`InputError` if a vibration has a frequency of half the sampling rate 1/``period`` (s) or more."""
-    for each in vibrations:
-        if max(each.frequencies) >= 0.5 / period:
+    for vibration in vibrations:
+        if max(vibration.frequencies) >= 0.5 / period:
             raise InputError(
-                f"a vibration of {max(each.frequencies):.4g} Hz lies above half the sampling rate of "
+                f"a vibration of {max(vibration.frequencies):.4g} Hz lies above half the sampling rate of "
                 f"{1.0 / period:.6g} Hz: no sampled filter acts on it"
             )
 
@@ -76,8 +76,8 @@ def grid_around(vibrations: Sequence[Vibration], period: float, points: int = 80
 
     They range from a third of the lowest frequency of the vibrations to twice the highest, at most 0.49/``period`` (s).
     """
-    low = min(min(each.frequencies) for each in vibrations) / 3.0
-    high = min(2.0 * max(max(each.frequencies) for each in vibrations), 0.49 / period)
+    low = min(min(vibration.frequencies) for vibration in vibrations) / 3.0
+    high = min(2.0 * max(max(vibration.frequencies) for vibration in vibrations), 0.49 / period)
     return np.asarray(np.geomspace(low, high, points))
 
 
@@ -136,14 +136,14 @@ def design_notches(
     if width is not None and not 0.0 < width <= WIDEST:
         raise InputError(f"the width of a notch is the damping ratio of its poles, above 0 and at most {WIDEST:g}")
     if width is not None:
-        return [_notch(each, period, width) for each in vibrations]
-    return [_narrowest(each, period, peak) for each in vibrations]
+        return [_notch(vibration, period, width) for vibration in vibrations]
+    return [_narrowest(vibration, period, peak) for vibration in vibrations]
 
 
 def _narrowest(vibration: Vibration, period: float, peak: float) -> Notch:
     widths = np.geomspace(min(max(LEAST_WIDTH, 2.0 * vibration.damping), WIDEST), WIDEST, FINENESS)
     trials = (_notch(vibration, period, float(width)) for width in widths)
-    return next((found for found in trials if found.peak <= peak), _notch(vibration, period, WIDEST))
+    return next((notch for notch in trials if notch.peak <= peak), _notch(vibration, period, WIDEST))
 
 
 def _notch(vibration: Vibration, period: float, width: float) -> Notch:
@@ -151,10 +151,10 @@ def _notch(vibration: Vibration, period: float, width: float) -> Notch:
     poles = _factor(pole(vibration.frequency, min(width, 1.0 - 1e-12), period))
     gain = sum(poles) / sum(zeros)
     numerator = (gain, gain * zeros[1], gain * zeros[2])
-    found = Notch(numerator, poles, width, 0.0, period)
-    left = np.abs(found.response(np.array(vibration.frequencies)))
+    notch = Notch(numerator, poles, width, 0.0, period)
+    left = np.abs(notch.response(np.array(vibration.frequencies)))
     peak = float(np.max(left / (2.0 * np.maximum(vibration.dampings, 1e-4))))
-    return replace(found, peak=peak)
+    return replace(notch, peak=peak)
 
 
 def _factor(root: complex) -> tuple[float, float, float]:
@@ -163,7 +163,7 @@ def _factor(root: complex) -> tuple[float, float, float]:
 
 def phase_lag(notches: Sequence[Notch], frequency: float) -> float:
     """Phase lag in degrees of all notches in series at ``frequency`` in Hz, such as the crossover of a control loop."""
-    total = np.prod([each.response(np.array([frequency]))[0] for each in notches])
+    total = np.prod([notch.response(np.array([frequency]))[0] for notch in notches])
     return float(-np.degrees(np.angle(total)))
 
 
@@ -274,10 +274,10 @@ def _extra_insensitive(damping: float, tolerance: float) -> tuple[Array, Array]:
         return [low.real, low.imag, high.real, high.imag, abs(vibration(x, 1.0, zeta)) - tolerance, slope]
 
     for zeta in np.linspace(0.0, damping, STEPS_IN_DAMPING):
-        found, _, done, message = fsolve(equations, x, args=(float(zeta),), full_output=True, xtol=1e-12)
-        if done != 1 and max(abs(each) for each in equations(found, float(zeta))) > 1e-9:
+        solution, _, done, message = fsolve(equations, x, args=(float(zeta),), full_output=True, xtol=1e-12)
+        if done != 1 and max(abs(residual) for residual in equations(solution, float(zeta))) > 1e-9:
             raise InputError(f"no EI shaper for a damping of {damping:g} and a tolerance of {tolerance:g}: {message}")
-        x = found
+        x = solution
     return np.array([0.0, x[2], x[3]]), np.array([x[0], 1.0 - x[0] - x[1], x[1]])
 
 
@@ -294,24 +294,24 @@ def design_shaper(
     if not vibrations:
         raise InputError("a shaper needs a vibration")
     kinds, total = [], np.ones(1)
-    for each in vibrations:
-        chosen = _shortest(each, period, tolerance) if kind == "auto" else kind
+    for vibration in vibrations:
+        chosen = _shortest(vibration, period, tolerance) if kind == "auto" else kind
         kinds.append(chosen)
-        total = np.convolve(total, _sampled(chosen, each, period, tolerance))
+        total = np.convolve(total, _tap_weights(chosen, vibration, period, tolerance))
     delays = np.flatnonzero(np.abs(total) > 1e-12)
     return Shaper(tuple(kinds), tuple(delays.tolist()), tuple(total[delays].tolist()), period)
 
 
 def _shortest(vibration: Vibration, period: float, tolerance: float) -> str:
     for kind in ("zv", "ei"):
-        weights = _sampled(kind, vibration, period, tolerance)
+        weights = _tap_weights(kind, vibration, period, tolerance)
         delays = tuple(range(len(weights)))
         if Shaper((kind,), delays, tuple(weights.tolist()), period).worst_residual(vibration) <= 1.01 * tolerance:
             return kind
     return "ei"
 
 
-def _sampled(kind: str, vibration: Vibration, period: float, tolerance: float) -> Array:
+def _tap_weights(kind: str, vibration: Vibration, period: float, tolerance: float) -> Array:
     """Weights (N,) of the taps, one per sample, of the shaper ``kind`` for one mode; their sum is 1.
 
     An impulse A at the fraction a of a period after a sample is replaced by w_0 at this sample and w_1 at the next,
@@ -356,7 +356,7 @@ def plot_vibration(
     if notches:
         magnitude, phase = axes[-2:]
         f = grid_around(vibrations, period)
-        total = np.prod([each.response(f) for each in notches], axis=0)
+        total = np.prod([notch.response(f) for notch in notches], axis=0)
         magnitude.plot(f, 20.0 * np.log10(np.abs(total)), color="C0", label="notch filters")
         phase.plot(f, np.degrees(np.unwrap(np.angle(total))), color="C0")
         style_axes(magnitude, "", "notch (dB)")
@@ -367,8 +367,8 @@ def plot_vibration(
         axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.xaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}" if f"{value:g}"[0] in "235" else ""))
         axis.grid(True, which="minor", axis="x", linewidth=0.25, alpha=0.4)
-        for each in vibrations:
-            low, high = min(each.frequencies), max(each.frequencies)
+        for vibration in vibrations:
+            low, high = min(vibration.frequencies), max(vibration.frequencies)
             axis.axvspan(low * 0.998, high * 1.002, color="0.8", zorder=0)
     return figure
 
@@ -377,11 +377,11 @@ def _residual(axis: Any, vibrations: Sequence[Vibration], shaper: Shaper) -> Non
     f = grid_around(vibrations, shaper.period)
     middle = vibrations[0].damping
     axis.plot(f, [100.0 * shaper.residual(float(x), middle) for x in f], color="C0", label=f"damping {middle:.3g}")
-    for number, each in enumerate(vibrations[1:], start=1):
-        values = [100.0 * shaper.residual(float(x), each.damping) for x in f]
-        axis.plot(f, values, color=f"C{number}", linewidth=0.9, label=f"damping {each.damping:.3g}")
-    for each in vibrations:
-        for frequency, damping in zip(each.frequencies, each.dampings, strict=True):
+    for number, vibration in enumerate(vibrations[1:], start=1):
+        values = [100.0 * shaper.residual(float(x), vibration.damping) for x in f]
+        axis.plot(f, values, color=f"C{number}", linewidth=0.9, label=f"damping {vibration.damping:.3g}")
+    for vibration in vibrations:
+        for frequency, damping in zip(vibration.frequencies, vibration.dampings, strict=True):
             axis.plot(frequency, 100.0 * shaper.residual(frequency, damping), "k.", markersize=5)
     axis.set_ylim(0.0, 105.0)
     style_axes(axis, "frequency (Hz)", "vibration left (%)")
@@ -390,7 +390,7 @@ def _residual(axis: Any, vibrations: Sequence[Vibration], shaper: Shaper) -> Non
 
 def _step(axis: Any, vibrations: Sequence[Vibration], shaper: Shaper) -> None:
     """Plot the slowest vibration, in its first posture, after a step of the reference with and without the shaper."""
-    slowest = min(vibrations, key=lambda each: each.frequency)
+    slowest = min(vibrations, key=lambda vibration: vibration.frequency)
     f, damping = slowest.frequencies[0], slowest.dampings[0]
     count = int(PERIODS_SHOWN / f / shaper.period) + shaper.length
     u = np.ones(count)

@@ -109,7 +109,7 @@ class Builder:
             self.nodes.append(tuple.__new__(Node, key))  # half the time of Node(...)
         return index
 
-    def _known(self, op: Op, args: tuple[int, ...]) -> int | None:
+    def _find_node(self, op: Op, args: tuple[int, ...]) -> int | None:
         return self._index.get((op, args, None))
 
     def input(self, port: Port) -> list[Scalar]:
@@ -145,23 +145,23 @@ class Builder:
             raise InternalError("a value of one builder was used in another")
         return self.nodes[value.index]
 
-    def _negated(self, value: Value) -> Value | None:
+    def _strip_negation(self, value: Value) -> Value | None:
         """Return ``x`` if ``value`` is recorded as ``-x``, else None."""
         if not isinstance(value, Scalar):
             return None
         node = self.nodes[value.index]
         return Scalar(self, node.args[0]) if node.op is Op.NEG else None
 
-    def _unsigned(self, value: Scalar) -> tuple[int, bool]:
+    def _split_sign(self, value: Scalar) -> tuple[int, bool]:
         """Split off a sign: ``(k, False)`` if ``value`` is node k, ``(k, True)`` if it is recorded as minus node k."""
         node = self._op(value)
         return (node.args[0], True) if node.op is Op.NEG else (value.index, False)
 
-    def _scaled(self, value: Scalar) -> tuple[Number, Scalar]:
+    def _split_factor(self, value: Scalar) -> tuple[Number, Scalar]:
         """Split ``value`` into (constant factor, remaining node)."""
         node = self._op(value)
         if node.op is Op.NEG:
-            factor, rest = self._scaled(Scalar(self, node.args[0]))
+            factor, rest = self._split_factor(Scalar(self, node.args[0]))
             return -factor, rest
         if node.op is Op.MUL and self.nodes[node.args[0]].op is Op.CONST:
             return self.nodes[node.args[0]].number, Scalar(self, node.args[1])
@@ -178,7 +178,7 @@ class Builder:
         if not isinstance(y, Scalar):
             if _negligible(y):
                 return x
-            minus = self._negated(x)
+            minus = self._strip_negation(x)
             return self.sub(y, minus) if minus is not None else self._binary(Op.ADD, x, y)
         if x.index == y.index:
             return self.mul(2, x)
@@ -201,7 +201,7 @@ class Builder:
             if _negligible(y):
                 return x
             return self.add(x, -Fraction(y)) if y < 0 else self._subtract(x, y)
-        if (minus := self._negated(y)) is not None:
+        if (minus := self._strip_negation(y)) is not None:
             return self.add(x, minus)
         if not isinstance(x, Scalar):
             return self.neg(y) if _negligible(x) else self._subtract(x, y)
@@ -210,13 +210,13 @@ class Builder:
         node = self._op(x)
         if node.op is Op.ADD and y.index in node.args:  # (a + b) - b = a
             return Scalar(self, node.args[0] if node.args[1] == y.index else node.args[1])
-        if (minus := self._negated(x)) is not None:
+        if (minus := self._strip_negation(x)) is not None:
             return self.neg(self.add(minus, y))
         return self._subtract(x, y)
 
     def _subtract(self, x: Value, y: Value) -> Value:
         i, j = self.index_of(x), self.index_of(y)
-        reverse = self._known(Op.SUB, (j, i))
+        reverse = self._find_node(Op.SUB, (j, i))
         if reverse is not None:
             return self.neg(Scalar(self, reverse))
         return Scalar(self, self._node(Op.SUB, (i, j)))
@@ -228,7 +228,7 @@ class Builder:
         if not isinstance(y, Scalar):
             return self._scale(y, x)
         # Signs move outwards, where sums absorb them; constant factors stay where they are shared.
-        (i, minus_x), (j, minus_y) = self._unsigned(x), self._unsigned(y)
+        (i, minus_x), (j, minus_y) = self._split_sign(x), self._split_sign(y)
         product = Scalar(self, self._node(Op.MUL, (i, j) if i < j else (j, i)))
         return product if minus_x == minus_y else self.neg(product)
 
@@ -236,11 +236,11 @@ class Builder:
         """Whether x * y is recorded, up to its sign."""
         if not isinstance(x, Scalar) or not isinstance(y, Scalar):
             return False
-        (i, _), (j, _) = self._unsigned(x), self._unsigned(y)
-        return self._known(Op.MUL, (i, j) if i < j else (j, i)) is not None
+        (i, _), (j, _) = self._split_sign(x), self._split_sign(y)
+        return self._find_node(Op.MUL, (i, j) if i < j else (j, i)) is not None
 
     def _scale(self, factor: Number, x: Scalar) -> Value:
-        recorded, x = self._scaled(x)
+        recorded, x = self._split_factor(x)
         factor = plain(factor if recorded == 1 else factor * recorded)
         if _negligible(factor):
             return 0
@@ -268,7 +268,7 @@ class Builder:
         node = self._op(x)
         if node.op is Op.NEG:
             return Scalar(self, node.args[0])
-        if node.op is Op.SUB and (reverse := self._known(Op.SUB, node.args[::-1])) is not None:
+        if node.op is Op.SUB and (reverse := self._find_node(Op.SUB, node.args[::-1])) is not None:
             return Scalar(self, reverse)
         return Scalar(self, self._node(Op.NEG, (x.index,)))
 
@@ -289,13 +289,13 @@ class Builder:
 
     def sin(self, x: Value) -> Value:
         """sin(x), x in rad; sin(-x) is recorded as -sin(x)."""
-        if (minus := self._negated(x)) is not None:
+        if (minus := self._strip_negation(x)) is not None:
             return self.neg(self.sin(minus))
         return self._function(Op.SIN, x, lambda v: 0 if v == 0 else None)
 
     def cos(self, x: Value) -> Value:
         """cos(x), x in rad; cos(-x) is recorded as cos(x)."""
-        if (minus := self._negated(x)) is not None:
+        if (minus := self._strip_negation(x)) is not None:
             return self.cos(minus)
         return self._function(Op.COS, x, lambda v: 1 if v == 0 else None)
 
@@ -359,7 +359,7 @@ class Builder:
             ports.append(port)
             values.append([self.index_of(element) for element in elements])
         keep = reachable(self.nodes, (index for row in values for index in row))
-        nodes, place = _renumbered(self.nodes, keep)
+        nodes, place = _renumber(self.nodes, keep)
         program = Program(
             name=name,
             inputs=tuple(self.ports),
@@ -381,7 +381,7 @@ class Builder:
         return self.program(program.name, outputs, program.summary, program.formula, program.notes, program.status)
 
 
-def _renumbered(nodes: list[Node], keep: Sequence[int]) -> tuple[list[Node], range | dict[int, int]]:
+def _renumber(nodes: list[Node], keep: Sequence[int]) -> tuple[list[Node], range | dict[int, int]]:
     """The nodes ``keep``, in order, with operands numbered anew, and the new number of each."""
     if len(keep) == len(nodes):
         return nodes, range(len(nodes))

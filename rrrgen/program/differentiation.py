@@ -37,11 +37,11 @@ def jacobian(program: Program, output: str, inputs: Sequence[str], reverse: bool
     """
     position = [port.name for port in program.outputs].index(output)
     port = program.outputs[position]
-    only = program.described(outputs=(port,), results=(program.results[position],), status=None)
-    names = [each.name for each in program.inputs]
+    only = program.with_fields(outputs=(port,), results=(program.results[position],), status=None)
+    names = [input_port.name for input_port in program.inputs]
     wanted = [names.index(name) for name in inputs]
     builder = Builder()
-    values = [builder.input(each) for each in program.inputs]
+    values = [builder.input(input_port) for input_port in program.inputs]
     recorded = record(only, builder, values)
     rows = (_by_sweeps if reverse else _by_directions)(only, builder, values, recorded, wanted)
     outputs: list[tuple[Port, list[Value]]] = [(port, [recorded[index] for index in only.results[0]])]
@@ -90,7 +90,7 @@ def _by_sweeps(
 def record(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]) -> list[Value]:
     """Record ``program`` into ``builder``, reading ``inputs`` for its input ports; returns the value of every node."""
     every = tuple(range(len(program.nodes)))
-    flat = program.described(outputs=(Port("all", (len(every),)),), results=(every,), status=None)
+    flat = program.with_fields(outputs=(Port("all", (len(every),)),), results=(every,), status=None)
     return replay(flat, builder, inputs)[0]
 
 
@@ -107,24 +107,26 @@ def tangents(
     are the values of all nodes as :func:`record` returned them. With ``rotations``, the rule for these is used, which
     takes fewer operations along a direction in which many inputs change.
     """
-    found: list[Tangent] = []
+    node_tangents: list[Tangent] = []
     sums = _turned_sums(program, builder, values) if rotations else {}
     for index, node in enumerate(program.nodes):
         if index in sums:
-            found.append(sums[index].tangent(builder, values, found))
+            node_tangents.append(sums[index].tangent(builder, values, node_tangents))
         elif node.op is Op.INPUT:
             port, element = node.place
-            found.append(seeds[port][element])
+            node_tangents.append(seeds[port][element])
         elif node.op is Op.SELECT:
-            found.append(_select_tangent(builder, values[node.args[0]], *(found[a] for a in node.args[1:])))
+            node_tangents.append(
+                _select_tangent(builder, values[node.args[0]], *(node_tangents[a] for a in node.args[1:]))
+            )
         else:
-            arguments = [found[a] for a in node.args]
+            arguments = [node_tangents[a] for a in node.args]
             if any(arguments):
                 operands = [values[a] for a in node.args]
-                found.append(_chain(builder, _partials(builder, node.op, operands, values[index]), arguments))
+                node_tangents.append(_chain(builder, _partials(builder, node.op, operands, values[index]), arguments))
             else:
-                found.append({})
-    return [[found[index] for index in row] for row in program.results]
+                node_tangents.append({})
+    return [[node_tangents[index] for index in row] for row in program.results]
 
 
 def _chain(builder: Builder, partials: Sequence[Value], arguments: Sequence[Tangent]) -> Tangent:
@@ -199,13 +201,13 @@ class _TurnedSum:
     turned: dict[int, list[tuple[int, int, int]]]
     slopes: dict[int, Value]
 
-    def tangent(self, builder: Builder, values: Sequence[Value], found: Sequence[Tangent]) -> Tangent:
+    def tangent(self, builder: Builder, values: Sequence[Value], node_tangents: Sequence[Tangent]) -> Tangent:
         """The tangent of the sum, from those of all earlier nodes."""
         partials: list[Value] = [sign for sign, _ in self.plain]
-        arguments = [found[k] for _, k in self.plain]
+        arguments = [node_tangents[k] for _, k in self.plain]
         for angle, terms in self.turned.items():
             partials += [builder.mul(sign, values[k]) for sign, k, _ in terms] + [self.slopes[angle]]
-            arguments += [found[k] for _, _, k in terms] + [found[angle]]
+            arguments += [node_tangents[k] for _, _, k in terms] + [node_tangents[angle]]
         return _chain(builder, partials, arguments)
 
 
@@ -221,11 +223,11 @@ def _turned_sums(program: Program, builder: Builder, values: Sequence[Value]) ->
     }
 
     def leaves(k: int, sign: int) -> list[tuple[int, int]]:
-        node, found = nodes[k], []
+        node, signed_nodes = nodes[k], []
         signs = (-sign,) if node.op is Op.NEG else (sign, sign if node.op is Op.ADD else -sign)
-        for arg, each in zip(node.args, signs, strict=True):
-            found += leaves(arg, each) if arg in inner else [(each, arg)]
-        return found
+        for arg, arg_sign in zip(node.args, signs, strict=True):
+            signed_nodes += leaves(arg, arg_sign) if arg in inner else [(arg_sign, arg)]
+        return signed_nodes
 
     def slope(k: int, x: int) -> Value | None:
         """The derivative by its angle of factor k, a cosine or sine, times node x; None if it is not known."""
@@ -250,8 +252,8 @@ def _turned_sums(program: Program, builder: Builder, values: Sequence[Value]) ->
                         turning.setdefault(nodes[k].args[0], []).append((place, (sign, k, x), builder.mul(sign, known)))
         taken: set[int] = set()
         turned, slopes = {}, {}
-        for angle, found in turning.items():
-            free = [each for each in found if each[0] not in taken]
+        for angle, entries in turning.items():
+            free = [entry for entry in entries if entry[0] not in taken]
             if len(free) > 1:
                 taken.update(place for place, _, _ in free)
                 turned[angle] = [term for _, term, _ in free]

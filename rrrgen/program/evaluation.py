@@ -70,7 +70,7 @@ def _sign(x: float) -> float:
     return x if x == 0.0 or math.isnan(x) else math.copysign(1.0, x)
 
 
-def _rounded(name: str) -> Function:
+def _rounded_function(name: str) -> Function:
     """The function ``name`` of the library mpmath with the result rounded to the nearest float.
 
     120 bits leave no doubt about the 53 of a float, but for the argument that nobody will meet (the table maker's
@@ -102,13 +102,13 @@ _FLOATS: dict[Op, Function] = {
     Op.MUL: lambda x, y: x * y,
     Op.DIV: _divide,
     Op.NEG: lambda x: -x,
-    Op.SIN: _rounded("sin"),
-    Op.COS: _rounded("cos"),
+    Op.SIN: _rounded_function("sin"),
+    Op.COS: _rounded_function("cos"),
     Op.SQRT: _sqrt,
     Op.ABS: abs,
     Op.SIGN: _sign,
-    Op.EXP: _rounded("exp"),
-    Op.TANH: _rounded("tanh"),
+    Op.EXP: _rounded_function("exp"),
+    Op.TANH: _rounded_function("tanh"),
     Op.MIN: lambda x, y: math.nan if math.isnan(x) or math.isnan(y) else min(x, y),
     Op.SELECT: lambda condition, positive, otherwise: positive if condition > 0 else otherwise,
     Op.NONFINITE: lambda x: 2.0 if math.isnan(x) else float(math.isinf(x)),

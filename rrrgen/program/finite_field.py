@@ -94,10 +94,10 @@ def row_echelon(rows: list[list[int]]) -> tuple[list[list[int]], list[int]]:
     height, width = len(rows), len(rows[0]) if rows else 0
     top = 0
     for column in range(width):
-        found = next((r for r in range(top, height) if rows[r][column]), None)
-        if found is None:
+        pivot_index = next((r for r in range(top, height) if rows[r][column]), None)
+        if pivot_index is None:
             continue
-        rows[top], rows[found] = rows[found], rows[top]
+        rows[top], rows[pivot_index] = rows[pivot_index], rows[top]
         inverse = pow(rows[top][column], -1, PRIME)
         pivot_row = [v * inverse % PRIME for v in rows[top]]
         rows[top] = pivot_row

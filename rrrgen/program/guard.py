@@ -38,7 +38,7 @@ def is_guarded(program: Program) -> bool:
     )
 
 
-def guarded(program: Program) -> Program:
+def add_guard(program: Program) -> Program:
     """The program with the checks of the module's docstring and a status; unchanged if it needs no guard."""
     if not is_guarded(program):
         return program
@@ -47,7 +47,7 @@ def guarded(program: Program) -> Program:
     values = record(program, b, inputs)
     for index, label in program.labels.items():
         b.label(values[index], label)
-    refused = _refused(b, program, inputs, values)
+    refused = _record_refusal(b, program, inputs, values)
     b.label(refused, "refused")
     before = {port.name: elements for port, elements in zip(program.inputs, inputs, strict=True)}
     outputs: list[tuple[Port, list[Value]]] = []
@@ -55,15 +55,17 @@ def guarded(program: Program) -> Program:
         computed = [values[index] for index in elements]
         fixed = [REFUSED.code if program.is_status(k) else port.refused] * port.size
         outputs.append((port, _choice(b, refused, before.get(port.state, fixed), computed)))
-    own = program.status
-    if own is None:
+    program_status = program.status
+    if program_status is None:
         outputs.append((Port("status", (), "1"), _choice(b, refused, [REFUSED.code], [0])))
     status = (
-        Status(len(program.outputs), (REFUSED,)) if own is None else replace(own, failures=(*own.failures, REFUSED))
+        Status(len(program.outputs), (REFUSED,))
+        if program_status is None
+        else replace(program_status, failures=(*program_status.failures, REFUSED))
     )
     notes = (*program.notes, _note(program))
-    found = b.program(program.name, outputs, program.summary, program.formula, notes, status)
-    return found.described(specializes=program.specializes)
+    guarded_program = b.program(program.name, outputs, program.summary, program.formula, notes, status)
+    return guarded_program.with_fields(specializes=program.specializes)
 
 
 def _choice(b: Builder, condition: Value, positive: Iterable[Value], otherwise: Iterable[Value]) -> list[Value]:
@@ -79,7 +81,7 @@ def _note(program: Program) -> str:
     return f"Where the input is refused, {', '.join(kept + fixed)}."
 
 
-def _refused(b: Builder, program: Program, inputs: Sequence[Sequence[Value]], values: Sequence[Value]) -> Value:
+def _record_refusal(b: Builder, program: Program, inputs: Sequence[Sequence[Value]], values: Sequence[Value]) -> Value:
     """Record a value > 0 where an input that the program reads is out of its domain, or a result is not finite."""
     positive: list[Value] = []  # must be finite and > 0
     ranges: list[Value] = []  # must be >= 0, may be infinite
@@ -143,7 +145,7 @@ def _behind_results(
     A result that is selected from several values is finite if these are. Inputs are checked in any case, and a bound
     does no harm: an infinite one is never the one that is reached.
     """
-    found: dict[int, None] = {}
+    nodes: dict[int, None] = {}
     for k, elements in enumerate(program.results):
         for element in () if program.is_status(k) else elements:
             options = [
@@ -152,9 +154,9 @@ def _behind_results(
                 if program.nodes[index].op not in (Op.INPUT, Op.CONST) and not covered[index] & bounds
             ]
             chosen = options if candidates.issuperset(options) else [element]
-            found |= dict.fromkeys(chosen)
-    implied = _operands(strict, found)
-    return [index for index in found if index not in implied]
+            nodes |= dict.fromkeys(chosen)
+    implied = _operands(strict, nodes)
+    return [index for index in nodes if index not in implied]
 
 
 def _options(program: Program, index: int) -> list[int]:
@@ -167,13 +169,13 @@ def _options(program: Program, index: int) -> list[int]:
 
 def _operands(strict: Sequence[tuple[int, ...]], roots: Iterable[int]) -> set[int]:
     """The nodes, other than ``roots``, that are finite if all the ``roots`` are."""
-    found: set[int] = set()
+    operands: set[int] = set()
     waiting = list(roots)
     while waiting:
         args = strict[waiting.pop()]
-        waiting += [arg for arg in args if arg not in found]
-        found.update(args)
-    return found
+        waiting += [arg for arg in args if arg not in operands]
+        operands.update(args)
+    return operands
 
 
 def _strict_operands(program: Program) -> list[tuple[int, ...]]:

@@ -357,7 +357,9 @@ def _ports(program: Program) -> list[str]:
         direction, facts = ("status", _facts(port)) if program.is_status(k) else ("out", _facts(port))
         meaning = facts[-1]
         if direction == "status" and program.status:
-            meaning = "0, or " + ", ".join(f"{each.code} where {each.meaning}" for each in program.status.failures)
+            meaning = "0, or " + ", ".join(
+                f"{failure.code} where {failure.meaning}" for failure in program.status.failures
+            )
         rows.append((direction, *facts[:-1], meaning))
     widths = [max(len(row[k]) for row in rows) for k in range(5)] if rows else []
     return [
@@ -458,7 +460,7 @@ class Program:
         """Whether any input has this role."""
         return any(port.role is role for port in self.inputs)
 
-    def described(self, **changes: object) -> Program:
+    def with_fields(self, **changes: object) -> Program:
         """Copy the program with the fields ``changes`` replaced."""
         return replace(self, **changes)  # type: ignore[arg-type]
 

@@ -14,7 +14,7 @@ from rrrgen.program.builder import Builder, Value, replay
 from rrrgen.program.program import Op, Port, Program
 
 
-def shared(
+def share_values(
     programs: Mapping[str, Program], name: str, of: Collection[str], operations: Collection[Op], summary: str
 ) -> dict[str, Program]:
     """Take the ``operations`` whose arguments depend on the inputs named in ``of`` alone out of ``programs``.
@@ -25,10 +25,10 @@ def shared(
     """
     builder = Builder()
     ports = {port.name: port for program in programs.values() for port in program.inputs}
-    inputs = {each: builder.input(ports[each]) for each in of if each in ports}
-    found: dict[str, dict[int, int]] = {}
+    inputs = {input_name: builder.input(ports[input_name]) for input_name in of if input_name in ports}
+    users: dict[str, dict[int, int]] = {}
     elements: dict[Value, int] = {}  # value -> its place in the output
-    for each, program in programs.items():
+    for program_name, program in programs.items():
         values: dict[int, Value] = {}
         for index, (op, args, _) in enumerate(program.nodes):
             if op is Op.CONST:
@@ -41,17 +41,19 @@ def shared(
             elif all(arg in values for arg in args):
                 values[index] = getattr(builder, op.value)(*(values[arg] for arg in args))
                 if op in operations:
-                    found.setdefault(each, {})[index] = elements.setdefault(values[index], len(elements))
-    if len(found) < 2:
+                    users.setdefault(program_name, {})[index] = elements.setdefault(values[index], len(elements))
+    if len(users) < 2:
         return {}
     port = Port(name, (len(elements),), "", "", f"values of the function {name}")
     made = builder.program(name, [(port, list(elements))], summary)
-    return {name: made} | {each: _taking(programs[each], port, places) for each, places in found.items()}
+    return {name: made} | {
+        program_name: _taking(programs[program_name], port, places) for program_name, places in users.items()
+    }
 
 
 def _taking(program: Program, port: Port, places: Mapping[int, int]) -> Program:
     """The ``program`` with the input ``port``, whose element ``places[k]`` is the value of node k."""
     builder = Builder()
-    inputs = [builder.input(each) for each in program.inputs]
+    inputs = [builder.input(input_port) for input_port in program.inputs]
     given = builder.input(port)
     return builder.rewritten(program, replay(program, builder, inputs, {k: given[e] for k, e in places.items()}))

@@ -315,10 +315,10 @@ class MechanismSpec:
 
     def path(self, row: int) -> tuple[int, ...]:
         """The rows from the base to ``row``."""
-        found = [row]
-        while self.parents[found[-1]] >= 0:
-            found.append(self.parents[found[-1]])
-        return tuple(reversed(found))
+        rows = [row]
+        while self.parents[rows[-1]] >= 0:
+            rows.append(self.parents[rows[-1]])
+        return tuple(reversed(rows))
 
 
 def joint_units(joint: JointSpec) -> dict[str, str]:
@@ -347,7 +347,7 @@ class LinkSpec:
             return self.inertia
         m, (x, y, z) = self.mass, self.com
         shift = (y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z)
-        return tuple(own + m * moved for own, moved in zip(self.inertia, shift, strict=True))
+        return tuple(entry + m * moved for entry, moved in zip(self.inertia, shift, strict=True))
 
 
 @dataclass(frozen=True)
@@ -365,7 +365,7 @@ class FixedTransform:
         R = sp.Matrix(3, 3, list(self.rotation))
         return R.row_join(sp.Matrix(self.translation)).col_join(sp.Matrix([[0, 0, 0, 1]]))
 
-    def screwed(self, angle: sp.Expr, length: sp.Expr) -> FixedTransform:
+    def append_screw(self, angle: sp.Expr, length: sp.Expr) -> FixedTransform:
         """The transform ``T Rz(angle) Tz(length)``, angle in rad and length in m."""
         c, s = sp.cos(angle), sp.sin(angle)
         turn = sp.Matrix([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, length], [0, 0, 0, 1]])
@@ -500,7 +500,7 @@ class RobotSpec:
     def at_tip(self, name: str) -> RobotSpec:
         """The same robot with the tip of this ``name`` as its only one."""
         chosen = self.tips[name]
-        row = next(i for i, each in enumerate(self.rows) if each.name == chosen.row)
+        row = next(i for i, joint in enumerate(self.rows) if joint.name == chosen.row)
         if self.mechanism is None:
             raise InternalError("a robot with named tips has a mechanism")
         return replace(self, tool=chosen.tool, tips={}, mechanism=replace(self.mechanism, tip=row))

@@ -80,7 +80,7 @@ def _wrong_shape(function: str, port: Port, shape: tuple[int, ...]) -> str:
     return f"{function}: {port.name} must have shape {single} or (..., {wanted}), got {shape}{meaning}"
 
 
-def joined(function: str, dtype: np.dtype[Any], beta: Any, Ia: Any, sizes: tuple[int, int]) -> Array:
+def join_parameters(function: str, dtype: np.dtype[Any], beta: Any, Ia: Any, sizes: tuple[int, int]) -> Array:
     """Join base parameters (..., b) and drive inertias (..., d) to the argument beta of emitted code, (..., b + d).
 
     ``sizes`` are b and d. Raises as :func:`prepare` for wrong shapes and types.
@@ -93,7 +93,7 @@ def joined(function: str, dtype: np.dtype[Any], beta: Any, Ia: Any, sizes: tuple
     return np.concatenate([np.broadcast_to(array, (*batch, array.shape[-1])) for array in arrays], axis=-1)
 
 
-def checked(program: Program, result: Any, status: Any, with_status: bool) -> Any:
+def check_status(program: Program, result: Any, status: Any, with_status: bool) -> Any:
     """Return ``result``, or raise numpy.linalg.LinAlgError if the ``status`` of any state is not 0.
 
     With ``with_status``, ``(result, status)`` is returned instead and nothing is raised. For a refused input it is a
@@ -112,7 +112,7 @@ def _failure(function: str, described: Status, status: Array) -> Exception:
     count, first = np.count_nonzero(status), int(np.argmax(status != 0))
     place = f"; {count} of {status.size} states, the first at flat index {first}" if status.ndim else ""
     code = int(status.flat[first])
-    failure = next(each for each in described.failures if each.code == code)
+    failure = next(candidate for candidate in described.failures if candidate.code == code)
     kind = ValueError if failure.code == REFUSED.code else np.linalg.LinAlgError
     return kind(f"{function}: {failure.message}{place}")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rrrgen.controller.files import derived_unit, described, standalone_files
+from rrrgen.controller.files import derived_unit, describe_unit, standalone_files
 from rrrgen.controller.python_class import Controller
 from rrrgen.controller.table import PERIOD, ControllerUnit
 from rrrgen.emit import Real
@@ -26,11 +26,11 @@ def compiled_controller(
     period = parameters.get("Ts", PERIOD)
     usable = isinstance(period, (int, float)) and 0.0 < period <= 1.0  # else the check of the parameters refuses it
     unit = derived_unit(spec, modes=modes, parts=parts, period=period if usable else PERIOD)
-    call, name_of = _compiled(unit, real)
-    return Controller(call, name_of, described(unit, real), mode, **parameters)
+    call, name_of = _compile_unit(unit, real)
+    return Controller(call, name_of, describe_unit(unit, real), mode, **parameters)
 
 
-def _compiled(unit: ControllerUnit, real: Real) -> tuple[Any, Any]:
+def _compile_unit(unit: ControllerUnit, real: Real) -> tuple[Any, Any]:
     """The functions of the compiled unit: one that calls by name with addresses, and that of the field names."""
     from rrrgen.runtime.build import build_extension
 
@@ -50,7 +50,7 @@ def _compiled(unit: ControllerUnit, real: Real) -> tuple[Any, Any]:
 
     def name_of(result: int) -> str:
         text = ffi.new("char[64]")
-        found: bytes = ffi.string(getattr(lib, f"{p}_field_name")(result, text))
-        return found.decode()
+        field_name: bytes = ffi.string(getattr(lib, f"{p}_field_name")(result, text))
+        return field_name.decode()
 
     return call, name_of

@@ -162,8 +162,8 @@ class CompiledEngine:
 
 def _codes(programs: Iterable[Program]) -> list[int]:
     """The code of the failure that each enumerator of the status in C stands for; these number all failures."""
-    failures = [each for program in programs if program.status is not None for each in program.status.failures]
-    return [0, *{each.name: each.code for each in failures}.values()]
+    failures = [failure for program in programs if program.status is not None for failure in program.status.failures]
+    return [0, *{failure.name: failure.code for failure in failures}.values()]
 
 
 class CompiledCall:

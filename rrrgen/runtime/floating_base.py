@@ -63,9 +63,9 @@ def integrate(position: ArrayLike, orientation: ArrayLike, displacement: ArrayLi
     across = np.cross(axis, v)
     half = np.sin(angle / 2)
     moved = v + half * np.sinc(angle / (2 * np.pi)) * across + (1 - np.sinc(angle / np.pi)) * np.cross(axis, across)
-    turned = _product(quaternion, _joined(axis * half, np.cos(angle / 2)))
+    turned = _product(quaternion, _join(axis * half, np.cos(angle / 2)))
     return BasePose(
-        start + _turned(rotation(quaternion), moved), turned / np.linalg.norm(turned, axis=-1, keepdims=True)
+        start + _rotate(rotation(quaternion), moved), turned / np.linalg.norm(turned, axis=-1, keepdims=True)
     )
 
 
@@ -87,10 +87,10 @@ def difference(position: ArrayLike, orientation: ArrayLike, position_1: ArrayLik
     sine, axis = _angle_and_axis(turn[..., :3])
     half = np.arctan2(sine, turn[..., 3:])
     back = np.swapaxes(rotation(start), -1, -2)
-    moved = _turned(back, np.asarray(position_1, dtype=float) - np.asarray(position, dtype=float))
+    moved = _rotate(back, np.asarray(position_1, dtype=float) - np.asarray(position, dtype=float))
     across = np.cross(axis, moved)
     bend = 1 - np.divide(half, np.tan(half), out=np.ones_like(half), where=half > 0)
-    return _joined(moved - half * across + bend * np.cross(axis, across), 2 * half * axis)
+    return _join(moved - half * across + bend * np.cross(axis, across), 2 * half * axis)
 
 
 def _angle_and_axis(vector: Array) -> tuple[Array, Array]:
@@ -107,7 +107,7 @@ def _over(vector: Array, length: Array) -> Array:
 def _product(one: Array, other: Array) -> Array:
     """The product (..., 4) of two quaternions x, y, z, w: the rotation ``other`` first."""
     u, a, v, b = one[..., :3], one[..., 3:], other[..., :3], other[..., 3:]
-    return _joined(a * v + b * u + np.cross(u, v), a * b - np.sum(u * v, axis=-1, keepdims=True))
+    return _join(a * v + b * u + np.cross(u, v), a * b - np.sum(u * v, axis=-1, keepdims=True))
 
 
 def rotation(orientation: ArrayLike) -> Array:
@@ -124,7 +124,7 @@ def rotation(orientation: ArrayLike) -> Array:
 def to_pinocchio(state: FloatingState) -> tuple[Array, Array, Array]:
     """Pack ``state`` into q (..., 7 + n), v and a (..., 6 + n) of a Pinocchio model with a free-flyer root."""
     s = state
-    return _joined(s.position, s.orientation, s.q), _joined(s.twist, s.dq), _joined(s.twist_rate, s.ddq)
+    return _join(s.position, s.orientation, s.q), _join(s.twist, s.dq), _join(s.twist_rate, s.ddq)
 
 
 def from_pinocchio(q: ArrayLike, v: ArrayLike, a: ArrayLike) -> FloatingState:
@@ -139,9 +139,9 @@ def to_mujoco(state: FloatingState) -> tuple[Array, Array, Array]:
     v, omega = s.twist[..., :3], s.twist[..., 3:]
     acceleration = s.twist_rate[..., :3] + np.cross(omega, v)
     return (
-        _joined(s.position, np.roll(s.orientation, 1, axis=-1), s.q),
-        _joined(_turned(R, v), omega, s.dq),
-        _joined(_turned(R, acceleration), s.twist_rate[..., 3:], s.ddq),
+        _join(s.position, np.roll(s.orientation, 1, axis=-1), s.q),
+        _join(_rotate(R, v), omega, s.dq),
+        _join(_rotate(R, acceleration), s.twist_rate[..., 3:], s.ddq),
     )
 
 
@@ -150,15 +150,15 @@ def from_mujoco(qpos: ArrayLike, qvel: ArrayLike, qacc: ArrayLike) -> FloatingSt
     x, u, w = (np.asarray(part, dtype=float) for part in (qpos, qvel, qacc))
     orientation = np.roll(x[..., 3:7], -1, axis=-1)
     back = np.swapaxes(rotation(orientation), -1, -2)
-    v, omega = _turned(back, u[..., :3]), u[..., 3:6]
-    rate = _turned(back, w[..., :3]) - np.cross(omega, v)
-    twist, twist_rate = _joined(v, omega), _joined(rate, w[..., 3:6])
+    v, omega = _rotate(back, u[..., :3]), u[..., 3:6]
+    rate = _rotate(back, w[..., :3]) - np.cross(omega, v)
+    twist, twist_rate = _join(v, omega), _join(rate, w[..., 3:6])
     return FloatingState(x[..., :3], orientation, twist, twist_rate, x[..., 7:], u[..., 6:], w[..., 6:])
 
 
-def _turned(R: Array, vector: Array) -> Array:
+def _rotate(R: Array, vector: Array) -> Array:
     return np.asarray(np.einsum("...ij,...j->...i", R, vector))
 
 
-def _joined(*parts: Any) -> Array:
+def _join(*parts: Any) -> Array:
     return np.concatenate(parts, axis=-1)

@@ -79,7 +79,7 @@ def load_solver(spec: RobotSpec, redundancy: int | None = None, backend: EngineN
     """
     if backend == "numpy":
         return evaluated_solver(spec, redundancy)
-    return _built(emit(spec, solvable_plan(spec, redundancy)), spec.name, spec.name)
+    return _build_solver(emit(spec, solvable_plan(spec, redundancy)), spec.name, spec.name)
 
 
 def load_tool_solver(spec: RobotSpec, backend: EngineName = "c") -> InverseKinematics:
@@ -90,10 +90,10 @@ def load_tool_solver(spec: RobotSpec, backend: EngineName = "c") -> InverseKinem
     """
     if backend == "numpy":
         return evaluated_tool_solver(spec)
-    return _built(emit_tool_solver(spec), f"{spec.name}_tool", spec.name)
+    return _build_solver(emit_tool_solver(spec), f"{spec.name}_tool", spec.name)
 
 
-def _built(emitted: Emitted, prefix: str, name: str) -> InverseKinematics:
+def _build_solver(emitted: Emitted, prefix: str, name: str) -> InverseKinematics:
     """Compile and load an emitted solver, whose functions begin with ``prefix``."""
     from rrrgen.runtime.build import build_extension
 

@@ -49,7 +49,7 @@ def load_model(
         raise ValueError(f"real must be 'double' or 'float', not {real!r}")
     if backend == "numpy" and real != "double":
         raise ValueError("the NumPy backend computes in double only")
-    engine: Engine = NumpyEngine(derived.programs) if backend == "numpy" else _compiled(derived, identity, real)
+    engine: Engine = NumpyEngine(derived.programs) if backend == "numpy" else _compile_engine(derived, identity, real)
     if derived.spec.newton:
         from rrrgen.runtime.loop_positions import FollowedLoops, LoopEngine
 
@@ -57,7 +57,7 @@ def load_model(
     return Model(derived, engine, closed_form, compiled)
 
 
-def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> CompiledEngine:
+def _compile_engine(derived: DerivedModel, identity: Identity, real: Real) -> CompiledEngine:
     from _cffi_backend import FFI
 
     from rrrgen.emit.c.compilers import find_compiler, include_directory

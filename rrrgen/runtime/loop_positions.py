@@ -60,7 +60,7 @@ class FollowedLoops:
             drives = np.array(self._positions.drives)
             parts = parts_of(float(np.max(np.abs(wanted - drives), initial=0.0))) if np.all(np.isfinite(wanted)) else 1
             with np.errstate(all="ignore"):
-                moved = self._positions.moved(list(np.moveaxis(wanted, -1, 0)), list(self.start), list(drives), parts)
+                moved = self._positions.follow(list(np.moveaxis(wanted, -1, 0)), list(self.start), list(drives), parts)
             self._known[key] = np.stack(np.broadcast_arrays(*moved), axis=-1)
         return self._known[key].copy()
 

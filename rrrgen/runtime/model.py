@@ -100,10 +100,10 @@ class Model(
     @property
     def limits(self) -> JointLimits:
         """The joint limits of the robot file, each (n,), in SI units; -inf or inf where it states none."""
-        each = [joint.limits for joint in self.spec.joints]
-        lower = [-np.inf if one.lower is None else one.lower for one in each]
+        limits = [joint.limits for joint in self.spec.joints]
+        lower = [-np.inf if one.lower is None else one.lower for one in limits]
         above = {
-            key: [np.inf if getattr(one, key) is None else getattr(one, key) for one in each]
+            key: [np.inf if getattr(one, key) is None else getattr(one, key) for one in limits]
             for key in JointLimits._fields[1:]
         }
         return JointLimits(*(read_only(np.array(values, dtype=float)) for values in (lower, *above.values())))
@@ -181,10 +181,10 @@ class Model(
     def _at_loops(self, engine: LoopEngine) -> Model:
         """The same model with ``engine``, whose passive joints further compiled functions take too."""
 
-        def compiled(*args: Any, **options: Any) -> Model:
+        def compile_at_loops(*args: Any, **options: Any) -> Model:
             return self._compiler()(*args, **options).at_loops(engine.loop_q)
 
-        return Model(self.derived, engine, self._closed_form, compiled)
+        return Model(self.derived, engine, self._closed_form, compile_at_loops)
 
     # -- inverse kinematics --------------------------------------------------------------------------------------
 
@@ -245,7 +245,7 @@ class Model(
             if np.shape(target)[-2:] != (4, 4):
                 raise ValueError("tool: needs poses (..., 4, 4) as targets, since this arm is solved for poses")
             target = self.tool_target(target, tool)
-        return _solved(solver, target, q_ref, limits=limits, sort=sort, redundancy=redundancy)
+        return _solve(solver, target, q_ref, limits=limits, sort=sort, redundancy=redundancy)
 
     def tip_arm(self, tip: str) -> TipArm:
         """The joints that move a named tip and no tip beside it, for which its inverse kinematics solves.
@@ -307,11 +307,11 @@ class Model(
                     f"inverse_kinematics: tip {tip!r} needs q_ref, which holds {names}, shared with other tips"
                 )
             target = self._in_carrier(target, whole, tip)
-        own = list(arm.joints)
-        found = _solved(solver, target, None if q_ref is None else whole[own], **options)
-        q = np.where(np.isnan(found.q[..., :1]), np.nan, whole)
-        q[..., own] = found.q
-        return replace(found, q=q)
+        joints = list(arm.joints)
+        solution = _solve(solver, target, None if q_ref is None else whole[joints], **options)
+        q = np.where(np.isnan(solution.q[..., :1]), np.nan, whole)
+        q[..., joints] = solution.q
+        return replace(solution, q=q)
 
     def _in_carrier(self, target: ArrayLike, q: Array, tip: str) -> Array:
         """Targets in the frame of the link that carries the own joints of ``tip``: poses or positions, as given."""
@@ -395,12 +395,16 @@ class Model(
         from rrrgen.emit.casadi.own_derivatives import with_own_derivatives
 
         models = (*self.parts, self._with("inverse_dynamics_hessian"))
-        programs = {each: one for model in models for each, one in model.derived.programs.items()}
-        own = derivative_functions(program, programs)
-        if own is None:
-            known = ", ".join(each for each in programs if derivative_functions(programs[each], programs))
+        programs = {program_name: one for model in models for program_name, one in model.derived.programs.items()}
+        derivatives = derivative_functions(program, programs)
+        if derivatives is None:
+            known = ", ".join(
+                program_name for program_name in programs if derivative_functions(programs[program_name], programs)
+            )
             raise ValueError(f"{name}: no Hessian; functions without parameters have one: {known or 'none here'}")
-        return with_own_derivatives(made, *(function(programs[each], each) for each in own))
+        return with_own_derivatives(
+            made, *(function(programs[program_name], program_name) for program_name in derivatives)
+        )
 
     def bind(self, name: str, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None) -> BoundFunction:
         """The function ``name`` with preallocated buffers for one state, for control loops.
@@ -421,7 +425,7 @@ class Model(
             ValueError: there is no function of this name, or it does not take the parameters.
         """
         model = self._with(name)
-        chosen, parameters = model._chosen(name, beta, Ia)
+        chosen, parameters = model._choose_program(name, beta, Ia)
         known = {"gravity": self.nominal_gravity, **{key: np.asarray(value) for key, value in parameters.items()}}
         if self.spec.newton:
             known["loop_q"] = self._loop_engine("bind").followed().start
@@ -464,9 +468,7 @@ class Model(
         return compiled_controller(self.spec, real, mode, modes, parts, parameters)
 
 
-def _solved(
-    solver: InverseKinematics, target: ArrayLike, q_ref: ArrayLike | None, **options: Any
-) -> IKResult | IKBatch:
+def _solve(solver: InverseKinematics, target: ArrayLike, q_ref: ArrayLike | None, **options: Any) -> IKResult | IKBatch:
     """The solutions of one target, or of a batch, as its shape says."""
     goals = np.asarray(target)
     single = (goals.shape[-2:] == (4, 4) and goals.ndim == 2) or goals.shape in ((3,), (6,))

@@ -247,7 +247,7 @@ def online_estimator(
     """
     setting = regression(model.derived, fixed)
     given = settings or EstimatorSettings()
-    chosen = given.completed(setting)
+    chosen = given.fill_defaults(setting)
     if kind == "gradient" and chosen.gain is None:
         raise InputError("the gradient estimator needs a gain: alpha Ts of (14.23)")
     core: Core

@@ -166,7 +166,7 @@ class PathFunctions(FrictionFunctions):
             raise InputError(f"time_path: the path has {path.q.shape[1]} joints, {self.spec.name} has {self.n}")
         kernel = self._timing_kernel()
         given = {"tau_max": tau_max, "dq_max": dq_max, "ddq_max": ddq_max}
-        limits = {name: self._bound(name, value) for name, value in given.items()}
+        limits = {name: self._limits_of(name, value) for name, value in given.items()}
         chosen = self.nominal_gravity if gravity is None else gravity
         values = self._parameters_for(kernel, {"beta": self._with_drives("time_path", beta, Ia), "gravity": chosen})
         losses = self._friction_for(friction)
@@ -187,9 +187,11 @@ class PathFunctions(FrictionFunctions):
     def _heavy(self, q: Any, tau_max: Any, values: dict[str, Any]) -> str:
         """Text for an error message: the joints whose torque limits cannot hold the arm at ``q`` against gravity."""
         g = self._evaluate("gravity", (q,), self._of_links(values["beta"]), gravity=values.get("gravity"))[0]
-        each = zip(self.spec.joints, np.abs(g), tau_max, strict=True)
-        found = [f"{joint.name} needs {need:.3g} and has {limit:.3g}" for joint, need, limit in each if need > limit]
-        return f"; to hold the arm against gravity {', '.join(found)} N m (N)" if found else ""
+        loads = zip(self.spec.joints, np.abs(g), tau_max, strict=True)
+        overloads = [
+            f"{joint.name} needs {need:.3g} and has {limit:.3g}" for joint, need, limit in loads if need > limit
+        ]
+        return f"; to hold the arm against gravity {', '.join(overloads)} N m (N)" if overloads else ""
 
     def _timing_kernel(self) -> TimingKernel:
         """The compiled kernel, built when it is first asked for."""
@@ -202,7 +204,7 @@ class PathFunctions(FrictionFunctions):
             self._timing = TimingKernel(self.spec.name, program, friction, real)
         return self._timing
 
-    def _bound(self, name: str, value: Any) -> Any:
+    def _limits_of(self, name: str, value: Any) -> Any:
         """Limits (n,) of the quantity ``name``: ``value``, or those of the robot file if it is None."""
         key = {"tau_max": "torque", "dq_max": "velocity", "ddq_max": "acceleration"}[name]
         if value is None:
@@ -272,7 +274,7 @@ class TimingKernel:
         return path
 
     def _dense(self, path: Path) -> list[Array]:
-        return [np.ascontiguousarray(each, self.dtype) for each in (path.s, path.q, path.q_s, path.q_ss)]
+        return [np.ascontiguousarray(array, self.dtype) for array in (path.s, path.q, path.q_s, path.q_ss)]
 
     def time(
         self,
@@ -337,12 +339,13 @@ class TimingKernel:
         """
         arrays = self._dense(path)
         held, call = self._path(arrays), getattr(self.lib, f"{self.robot}_timed_path")
-        found = tuple(np.empty((len(times), self.n), self.dtype) for _ in range(3))
+        motion = tuple(np.empty((len(times), self.n), self.dtype) for _ in range(3))
         speeds, times_at_points = self._address(ds_dt), self._address(t)
-        q, dq, ddq = (self._address(each) for each in found)  # rows are reached by arithmetic: a view each takes longer
+        # rows are reached by arithmetic: a view each takes longer
+        q, dq, ddq = (self._address(array) for array in motion)
         for row, now in zip(range(0, self.n * len(times), self.n), times.tolist(), strict=True):
             call(held, speeds, times_at_points, now, q + row, dq + row, ddq + row)
-        return found[0], found[1], found[2]
+        return motion[0], motion[1], motion[2]
 
 
 def _declarations(p: str, n: int, further: int, real: Real) -> str:

@@ -12,7 +12,14 @@ import sympy as sp
 
 from rrrgen.robot.spec import FrictionSpec, MotorSpec, RobotSpec
 from rrrgen.verify.identities import SECOND_STEP, check_refusal, is_definite
-from rrrgen.verify.references.friction_laws import changed, has_load, has_state, parameters_of, sliding, stepped
+from rrrgen.verify.references.friction_laws import (
+    change_parameters,
+    has_load,
+    has_state,
+    integrate,
+    parameters_of,
+    sliding,
+)
 from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, BaseState, NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, motor_loads, motor_speeds
 from rrrgen.verify.report import Check, Collector, Tolerances, curvature, rate, size
@@ -78,8 +85,8 @@ def _check_floating_tip(model: Model, ne: NewtonEuler, tip: str, s: States, chec
     prefix, named = (f"{tip}_", {"tip": tip}) if tip else ("", {})
     scale = max(size(acceleration), size(J) * max(size(s.dq), size(twist)) ** 2)
     check(f"{prefix}floating_jacobian", lambda: model.floating_jacobian(s.q, **named), J)
-    found = partial(model.floating_jacobian_dot_dq, s.q, s.dq, twist, **named)
-    check(f"{prefix}floating_jacobian_dot_dq", found, acceleration, scale=scale)
+    call = partial(model.floating_jacobian_dot_dq, s.q, s.dq, twist, **named)
+    check(f"{prefix}floating_jacobian_dot_dq", call, acceleration, scale=scale)
 
 
 TICK = 1e-3
@@ -148,7 +155,7 @@ def draw_base(count: int, rng: np.random.Generator) -> BaseState:
     return BaseState(orientation, rng.uniform(-SPEED, SPEED, (count, 6)), rng.uniform(-LIFT, LIFT, (count, 6)))
 
 
-def turned(orientation: Array, rotation: Array) -> Array:
+def turn_orientation(orientation: Array, rotation: Array) -> Array:
     """The quaternion (..., 4), x, y, z, w, of a base turned by the rotation vector (..., 3), rad, in its own axes."""
     angle = np.linalg.norm(rotation, axis=-1, keepdims=True)
     u, w = 0.5 * np.sinc(angle / (2.0 * np.pi)) * rotation, np.cos(0.5 * angle)
@@ -169,35 +176,35 @@ def check_floating_base(case: Case) -> None:
     h = np.concatenate(ne.floating_inverse_dynamics(s.q, s.dq, np.zeros_like(s.q), rest), axis=1)
 
     def forces() -> Array:
-        found = model.floating_inverse_dynamics(s.q, s.dq, s.ddq, pose, twist, twist_rate, beta=beta)
-        return np.concatenate([found.wrench, found.tau], axis=1)
+        floating_forces = model.floating_inverse_dynamics(s.q, s.dq, s.ddq, pose, twist, twist_rate, beta=beta)
+        return np.concatenate([floating_forces.wrench, floating_forces.tau], axis=1)
 
-    def regenerated() -> Array:
-        found = model.floating_forward_dynamics(s.q, s.dq, tau, pose, twist, wrench, beta=beta)
-        back = replace(base, twist_rate=np.asarray(found.twist_rate))
-        return np.concatenate(ne.floating_inverse_dynamics(s.q, s.dq, np.asarray(found.ddq), back), axis=1)
+    def regenerate_forces() -> Array:
+        accelerations = model.floating_forward_dynamics(s.q, s.dq, tau, pose, twist, wrench, beta=beta)
+        back = replace(base, twist_rate=np.asarray(accelerations.twist_rate))
+        return np.concatenate(ne.floating_inverse_dynamics(s.q, s.dq, np.asarray(accelerations.ddq), back), axis=1)
 
     check("floating_inverse_dynamics", forces, both)
     check("floating_mass_matrix", lambda: model.floating_mass_matrix(s.q, beta=beta), ne.floating_mass_matrix(s.q))
     momentum, A = ne.floating_momentum(s.q, s.dq, twist), ne.floating_mass_matrix(s.q)[:, :6]
     of_terms = size(A) * max(size(s.dq), size(twist))
-    found = partial(model.floating_momentum, s.q, s.dq, twist, beta=beta)
-    check("floating_momentum", found, momentum, scale=of_terms)
+    call = partial(model.floating_momentum, s.q, s.dq, twist, beta=beta)
+    check("floating_momentum", call, momentum, scale=of_terms)
     check("floating_momentum_matrix", lambda: model.floating_momentum_matrix(s.q, beta=beta), A)
     check("floating_bias", lambda: model.floating_bias(s.q, s.dq, pose, twist, beta=beta), h, scale=size(both))
     if case.parameters.physical:
-        check("floating_forward_dynamics (as forces)", regenerated, both)
+        check("floating_forward_dynamics (as forces)", regenerate_forces, both)
     Y, K = ne.floating_regressor(s.q, s.dq, s.ddq, base), np.asarray(model.base_projection)
     check("floating_regressor K", lambda: model.floating_regressor(s.q, s.dq, s.ddq, pose, twist, twist_rate) @ K, Y)
     sensors = base.sensors(ne.chain.gravity)
 
     def from_imu() -> Array:
-        found = model.floating_inverse_dynamics_from_imu(s.q, s.dq, s.ddq, *sensors, beta=beta)
-        return np.concatenate([found.wrench, found.tau], axis=1)
+        floating_forces = model.floating_inverse_dynamics_from_imu(s.q, s.dq, s.ddq, *sensors, beta=beta)
+        return np.concatenate([floating_forces.wrench, floating_forces.tau], axis=1)
 
     check("floating_inverse_dynamics_from_imu", from_imu, both)
-    found_Y = partial(model.floating_regressor_from_imu, s.q, s.dq, s.ddq, *sensors)
-    check("floating_regressor_from_imu K", lambda: found_Y() @ K, Y)
+    regressor_from_imu = partial(model.floating_regressor_from_imu, s.q, s.dq, s.ddq, *sensors)
+    check("floating_regressor_from_imu K", lambda: regressor_from_imu() @ K, Y)
     _check_floating_derivatives(case, base)
     s, base = (
         draw_states(ne.chain, RANK_STATES, np.random.default_rng(0)),
@@ -220,12 +227,12 @@ def _check_floating_derivatives(case: Case, base: BaseState) -> None:
     def forces(moved: Array, faster: Array) -> Array:
         """Wrench and torques (m, N, 6 + n) after changes (m, 6 + n) of pose and q, and of twist and dq."""
         x, u = moved[:, None], faster[:, None]
-        orientation = turned(base.orientation, x[..., 3:6])
+        orientation = turn_orientation(base.orientation, x[..., 3:6])
         parts = np.broadcast_arrays(s.q + x[..., 6:], s.dq + u[..., 6:], s.ddq)
         of_base = np.broadcast_arrays(base.twist + u[..., :6], base.twist_rate)
         q, dq, ddq, *moving = (part.reshape(-1, part.shape[-1]) for part in (*parts, orientation, *of_base))
-        found = np.concatenate(ne.floating_inverse_dynamics(q, dq, ddq, BaseState(*moving)), axis=1)
-        return np.asarray(found.reshape(len(moved), s.count, size_of_state))
+        floating_forces = np.concatenate(ne.floating_inverse_dynamics(q, dq, ddq, BaseState(*moving)), axis=1)
+        return np.asarray(floating_forces.reshape(len(moved), s.count, size_of_state))
 
     rest, units = np.zeros((size_of_state, size_of_state)), np.eye(size_of_state)
     by_q = np.moveaxis(rate(lambda t: forces(t * units, rest), step), 0, 2)
@@ -256,9 +263,9 @@ def check_floating_second_derivatives(case: Case) -> None:
     x, v, a = np.split(direction, 3, axis=1)
     of_base = base.orientation, base.twist, base.twist_rate
 
-    def weighted(t: float) -> Array:
+    def weighted_forces(t: float) -> Array:
         moving = BaseState(
-            turned(base.orientation, t * x[:, 3:6]), base.twist + t * v[:, :6], base.twist_rate + t * a[:, :6]
+            turn_orientation(base.orientation, t * x[:, 3:6]), base.twist + t * v[:, :6], base.twist_rate + t * a[:, :6]
         )
         joints = s.q + t * x[:, 6:], s.dq + t * v[:, 6:], s.ddq + t * a[:, 6:]
         return np.asarray(np.sum(w * np.concatenate(ne.floating_inverse_dynamics(*joints, moving), axis=1), axis=1))
@@ -268,10 +275,10 @@ def check_floating_second_derivatives(case: Case) -> None:
         return model.floating_inverse_dynamics_hessian(s.q, s.dq, s.ddq, w, *of_base, beta=beta)
 
     def product() -> Array:
-        found = model.floating_inverse_dynamics_hessian_product(s.q, s.dq, s.ddq, w, direction, *of_base, beta=beta)
-        return np.asarray(np.sum(np.asarray(found) * direction, axis=1))
+        products = model.floating_inverse_dynamics_hessian_product(s.q, s.dq, s.ddq, w, direction, *of_base, beta=beta)
+        return np.asarray(np.sum(np.asarray(products) * direction, axis=1))
 
-    first, second = rate(weighted, SECOND_STEP), curvature(weighted, SECOND_STEP)
+    first, second = rate(weighted_forces, SECOND_STEP), curvature(weighted_forces, SECOND_STEP)
     name = "floating_inverse_dynamics_hessian"
     close(f"{name}: gradient' v", lambda: np.einsum("ki,ki->k", answer()[0], direction), first)
     close(f"{name}: v' H v", lambda: np.einsum("ki,kij,kj->k", direction, answer()[1], direction), second)
@@ -321,8 +328,8 @@ def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collec
         loads = np.concatenate([loads, motor_loads(spec, load)], axis=1)
     given = (load,) if any(has_load(friction) for friction in stated) else ()
     check = rows.against("(14.11) to (14.14)", NO_PARAMETERS, tolerances.exact, s.count)
-    each = zip(stated, speeds.T, loads.T, strict=True)
-    torques = np.stack([sliding(friction, v, load=at) for friction, v, at in each], axis=1)
+    columns = zip(stated, speeds.T, loads.T, strict=True)
+    torques = np.stack([sliding(friction, v, load=at) for friction, v, at in columns], axis=1)
     check("friction", lambda: model.friction(s.dq, *given), torques @ lever)
     _check_run_time_friction(model, s, load, rows, tolerances)
     moved = [k for k, friction in enumerate(stated) if has_state(friction)]
@@ -333,7 +340,7 @@ def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collec
     for i, k in enumerate(moved):
         friction = stated[k]
         assert friction is not None
-        after[:, i], torques[:, k] = stepped(friction, speeds[:, k], z[:, i], STEP, loads[:, k])
+        after[:, i], torques[:, k] = integrate(friction, speeds[:, k], z[:, i], STEP, loads[:, k])
     period = np.full(s.count, STEP)
     check("friction_step: z", lambda: model.friction_step(s.dq, z, period, *given)[0], after)
     check("friction_step: tau_f", lambda: model.friction_step(s.dq, z, period, *given)[1], torques @ lever)
@@ -367,14 +374,14 @@ class ChangedFriction:
 
 def changed_friction(spec: RobotSpec) -> ChangedFriction:
     """The laws of ``spec`` with other parameters; where it states no friction, the default law at every joint."""
-    found = [joint.friction for joint in spec.joints]
+    laws = [joint.friction for joint in spec.joints]
     if spec.drives is not None:
-        found += [motor.friction for motor in spec.drives.motors]
-    if not any(found):
-        found[: spec.n] = [FrictionSpec()] * spec.n
-    stated = tuple(None if friction is None else changed(friction) for friction in found)
+        laws += [motor.friction for motor in spec.drives.motors]
+    if not any(laws):
+        laws[: spec.n] = [FrictionSpec()] * spec.n
+    stated = tuple(None if friction is None else change_parameters(friction) for friction in laws)
     known = [friction for friction in stated if friction is not None]
-    return ChangedFriction(spec, stated, tuple(v for each in known for v in parameters_of(each)), len(known))
+    return ChangedFriction(spec, stated, tuple(v for law in known for v in parameters_of(law)), len(known))
 
 
 def _owners(spec: RobotSpec, dq: Array, load: Array) -> list[tuple[Array, Array, Array]]:
@@ -438,10 +445,10 @@ def _identification_columns(model: Model, K: Array, s: States, extra: Array) -> 
     names = len(model.identification_parameter_names)
     if got.shape[-1] != names or names != len(K) + extra.shape[-1]:
         raise ValueError(f"{got.shape[-1]} columns and {names} names instead of {len(K) + extra.shape[-1]}")
-    own = got[..., len(K) :]
-    distances = np.max(np.abs(own[..., :, None] - extra[..., None, :]), axis=(0, 1), initial=0.0)
+    drive_columns = got[..., len(K) :]
+    distances = np.max(np.abs(drive_columns[..., :, None] - extra[..., None, :]), axis=(0, 1), initial=0.0)
     order = np.argmin(distances, axis=0) if extra.shape[-1] else np.zeros(0, dtype=np.intp)
-    return np.concatenate([got[..., : len(K)] @ K, own[..., order]], axis=2)
+    return np.concatenate([got[..., : len(K)] @ K, drive_columns[..., order]], axis=2)
 
 
 def check_dynamics(case: Case) -> None:

@@ -80,7 +80,7 @@ def verify(
     single = _answers_in_single(model, states)
     tolerances = SINGLE if single else DOUBLE
     if single:
-        states = states.rounded(np.float32)
+        states = states.round_to(np.float32)
     sets = parameter_sets(model, rng)
     rows = Collector()
     geometry = NewtonEuler(chain, sets[-1].phi)

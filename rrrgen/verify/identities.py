@@ -246,7 +246,7 @@ def check_identities(case: Case) -> None:
     """
     model, s, beta = case.model, case.s, case.beta
     try:
-        own = _ModelTerms(
+        terms = _ModelTerms(
             np.asarray(model.inverse_dynamics(s.q, s.dq, s.ddq, beta=beta)),
             np.asarray(model.mass_matrix(s.q, beta=beta)),
             np.asarray(model.coriolis_matrix(s.q, s.dq, beta=beta)),
@@ -256,40 +256,40 @@ def check_identities(case: Case) -> None:
         label, limit = case.parameters.label, case.tolerances.exact
         case.rows.rows.append(Row("identities", SELF, label, s.count, float("inf"), limit, note))
         return
-    _check_sums(case, own)
-    _check_rates(case, own)
+    _check_sums(case, terms)
+    _check_rates(case, terms)
 
 
-def _check_sums(case: Case, own: _ModelTerms) -> None:
+def _check_sums(case: Case, terms: _ModelTerms) -> None:
     """Check the identities that contain no time derivative."""
     model, s, beta = case.model, case.s, case.beta
     check = case.against(SELF, case.tolerances.exact)
-    inertial = np.einsum("nij,nj->ni", own.M, s.ddq) + np.einsum("nij,nj->ni", own.C, s.dq)
+    inertial = np.einsum("nij,nj->ni", terms.M, s.ddq) + np.einsum("nij,nj->ni", terms.C, s.dq)
 
     def from_regressor() -> Array:
         base = np.asarray(model.beta if beta is None else beta)
         return np.asarray(np.asarray(model.regressor(s.q, s.dq, s.ddq)) @ base + s.ddq @ case.ne.chain.drive_inertia)
 
     def round_trip() -> Array:
-        ddq = model.forward_dynamics(s.q, s.dq, own.tau, beta=beta)
-        return np.asarray(np.einsum("nij,nj->ni", own.M, np.asarray(ddq) - s.ddq))
+        ddq = model.forward_dynamics(s.q, s.dq, terms.tau, beta=beta)
+        return np.asarray(np.einsum("nij,nj->ni", terms.M, np.asarray(ddq) - s.ddq))
 
-    check("tau = M ddq + C dq + g", lambda: inertial + np.asarray(model.gravity(s.q, beta=beta)), own.tau)
-    check("tau = Y beta + Ia ddq", from_regressor, own.tau)
-    check("M = M'", lambda: np.swapaxes(own.M, 1, 2), own.M)
+    check("tau = M ddq + C dq + g", lambda: inertial + np.asarray(model.gravity(s.q, beta=beta)), terms.tau)
+    check("tau = Y beta + Ia ddq", from_regressor, terms.tau)
+    check("M = M'", lambda: np.swapaxes(terms.M, 1, 2), terms.M)
     check(
         "coriolis_transpose = C' dq",
         lambda: model.coriolis_transpose(s.q, s.dq, beta=beta),
-        np.einsum("nji,nj->ni", own.C, s.dq),
-        scale=max(size(own.tau), size(own.C) * size(s.dq)),
+        np.einsum("nji,nj->ni", terms.C, s.dq),
+        scale=max(size(terms.tau), size(terms.C) * size(s.dq)),
     )
     if case.parameters.physical:
-        indefinite = np.mean(np.linalg.eigvalsh(0.5 * (own.M + np.swapaxes(own.M, 1, 2)))[:, 0] <= 0.0)
+        indefinite = np.mean(np.linalg.eigvalsh(0.5 * (terms.M + np.swapaxes(terms.M, 1, 2)))[:, 0] <= 0.0)
         check("M > 0 (share of states where not)", lambda: np.asarray(indefinite), np.zeros(()), scale=1.0)
-        check("M (forward(inverse) - ddq) = 0", round_trip, np.zeros_like(s.q), scale=size(own.tau))
+        check("M (forward(inverse) - ddq) = 0", round_trip, np.zeros_like(s.q), scale=size(terms.tau))
 
 
-def _check_rates(case: Case, own: _ModelTerms) -> None:
+def _check_rates(case: Case, terms: _ModelTerms) -> None:
     """Check that dM/dt - 2C is skew-symmetric and that the energy changes by the power: d(K + U)/dt = tau . dq.
 
     Time derivatives are differences along the motion q + t dq, dq + t ddq at t = 0.
@@ -299,15 +299,15 @@ def _check_rates(case: Case, own: _ModelTerms) -> None:
 
     def skew() -> Array:
         M_dot = rate(lambda t: np.asarray(model.mass_matrix(s.q + t * s.dq, beta=beta)), step)
-        S = M_dot - 2.0 * own.C
+        S = M_dot - 2.0 * terms.C
         return S + np.swapaxes(S, 1, 2)
 
     def total(t: float) -> Array:
         kinetic, potential = model.energy(s.q + t * s.dq, s.dq + t * s.ddq, beta=beta)
         return np.asarray(kinetic + potential)
 
-    check("dM/dt - 2C skew", skew, np.zeros_like(own.C), scale=size(own.M) * size(s.dq))
-    power = own.tau * s.dq
+    check("dM/dt - 2C skew", skew, np.zeros_like(terms.C), scale=size(terms.M) * size(s.dq))
+    power = terms.tau * s.dq
     check("d(K + U)/dt = tau.dq", lambda: rate(total, step), np.sum(power, axis=1), scale=size(power))
 
 
@@ -336,8 +336,8 @@ def check_parameters(
     R, p = np.stack([_rotation(rng) for _ in range(s.count)]), rng.uniform(-0.3, 0.3, (s.count, 3))
     frame = np.zeros((s.count, 4, 4))
     frame[:, :3, :3], frame[:, :3, 3], frame[:, 3, 3] = R, p, 1.0
-    own_com = np.einsum("nji,nj->ni", R, com - p)
-    own_tensors = np.einsum("nki,nkl,nlj->nij", R, tensors, R)
+    com_in_frame = np.einsum("nji,nj->ni", R, com - p)
+    tensors_in_frame = np.einsum("nki,nkl,nlj->nij", R, tensors, R)
 
     def bare() -> Array:
         return np.asarray(model.base_parameters_of(np.zeros((s.count, 10 * n)))[0])
@@ -345,7 +345,7 @@ def check_parameters(
     check("add_payload", lambda: torques(model.add_payload(mass, com, tensors, beta=bare())), added)
     check(
         "add_payload_at",
-        lambda: torques(model.add_payload_at(mass, own_com, own_tensors, frame, beta=bare())),
+        lambda: torques(model.add_payload_at(mass, com_in_frame, tensors_in_frame, frame, beta=bare())),
         added,
     )
 

@@ -107,7 +107,7 @@ class BatchKinematics:
         values = np.linalg.svd(self.error(goals, q)[1], compute_uv=False)
         return np.asarray(values[:, min(values.shape[1], self._moving) - 1])
 
-    def drawn(self, count: int, rng: np.random.Generator) -> Array:
+    def draw_configurations(self, count: int, rng: np.random.Generator) -> Array:
         """Draw random configurations (count, n): angles over a full turn, displacements up to ``STROKE`` (m)."""
         return rng.uniform(-1, 1, (count, self.n)) * np.where(self.revolute, np.pi, STROKE)
 
@@ -190,7 +190,7 @@ class _Checks:
         else:
             self._add(what, *entry)
 
-    def _solved(self, goals: Array, q: Array) -> list[Array]:
+    def _solve(self, goals: Array, q: Array) -> list[Array]:
         """Solve for every goal (N, 4, 4); returns the solutions (k, n) of each.
 
         A redundant arm is solved at the redundancy parameter of ``q`` (N, n).
@@ -199,35 +199,35 @@ class _Checks:
         given = {"redundancy": np.array([self.solver.parameter(x) for x in q])} if locked else {}
         targets = goals[:, :3, 3] if self.arm.position else goals
         batch = self.solver.solve_batch(targets, limits=False, **given)
-        return [found[:count] for found, count in zip(batch.q, batch.counts, strict=True)]
+        return [rows[:count] for rows, count in zip(batch.q, batch.counts, strict=True)]
 
-    def _worst(self, goals: Array, found: list[Array]) -> float:
-        owner = np.repeat(np.arange(len(goals)), [len(each) for each in found])
-        every = np.concatenate(found)
+    def _worst(self, goals: Array, solutions: list[Array]) -> float:
+        owner = np.repeat(np.arange(len(goals)), [len(rows) for rows in solutions])
+        every = np.concatenate(solutions)
         if not np.all(np.isfinite(every)):
             return float("nan")
         return float(np.max(self.arm.distance(goals[owner], every), initial=0.0))
 
-    def _missed(self, q: Array, found: list[Array]) -> NDArray[np.bool_]:
-        """Mask (N,) of the configurations ``q`` (N, n) that are missing in the solutions ``found`` of their targets."""
-        return np.array([not np.any(self.arm.apart(each, x) < APART) for x, each in zip(q, found, strict=True)])
+    def _missing_mask(self, q: Array, solutions: list[Array]) -> NDArray[np.bool_]:
+        """Mask (N,) of the configurations ``q`` (N, n) that are missing in the ``solutions`` of their targets."""
+        return np.array([not np.any(self.arm.apart(rows, x) < APART) for x, rows in zip(q, solutions, strict=True)])
 
     def at_random(self, samples: int) -> None:
         """Check solutions for ``samples`` targets, each the pose of a random configuration (the seed).
 
         Every solution must reach its target by forward kinematics, the seed must be among them, and none occur twice.
         """
-        q = self.arm.drawn(samples, self.rng)
+        q = self.arm.draw_configurations(samples, self.rng)
         goals = self.arm.poses(q)
-        found = self._solved(goals, q)
-        self._add("FK(row) = target", OWN_CHAIN, samples, self._worst(goals, found), EXACT)
+        solutions = self._solve(goals, q)
+        self._add("FK(row) = target", OWN_CHAIN, samples, self._worst(goals, solutions), EXACT)
         sharp = self.arm.sharpness(goals, q) > SHARP
-        missed = self._missed(q, found) & sharp
+        missed = self._missing_mask(q, solutions) & sharp
         note = f"seed lost at q = {np.round(q[np.argmax(missed)], 6).tolist()}" if missed.any() else ""
         tried, lost = int(sharp.sum()), int(missed.sum())
         self._share("share of seeds not found", OWN_CHAIN, tried, lost / max(tried, 1), 0.0, note)
         twice = sum(
-            bool(np.any(self.arm.apart(each[i], each[:i]) < 1e-7)) for each in found for i in range(1, len(each))
+            bool(np.any(self.arm.apart(rows[i], rows[:i]) < 1e-7)) for rows in solutions for i in range(1, len(rows))
         )
         self._add("rows that come twice", OWN_CHAIN, samples, twice, 0.0)
 
@@ -237,9 +237,9 @@ class _Checks:
         q = np.where(self.arm.revolute, eighths, 0.1 * eighths)
         q[0] = 0.0
         goals = self.arm.poses(q)
-        found = self._solved(goals, q)
-        self._add("FK(row) = target, singular", OWN_CHAIN, samples, self._worst(goals, found), EXACT)
-        empty = np.array([len(each) == 0 for each in found])
+        solutions = self._solve(goals, q)
+        self._add("FK(row) = target, singular", OWN_CHAIN, samples, self._worst(goals, solutions), EXACT)
+        empty = np.array([len(rows) == 0 for rows in solutions])
         note = f"no row at q = {np.round(q[np.argmax(empty)], 6).tolist()}" if empty.any() else ""
         self._share("share of singular targets without a row", OWN_CHAIN, samples, empty.mean(), 0.0, note)
 
@@ -248,29 +248,29 @@ class _Checks:
 
         ``tell`` is called with the progress.
         """
-        solutions = found_too = rows = missed = 0
+        solutions = confirmed_rows = rows = missed = 0
         where = ""
-        for k, seed in enumerate(self.arm.drawn(targets, self.rng)):
+        for k, seed in enumerate(self.arm.draw_configurations(targets, self.rng)):
             if tell is not None:
                 tell(k, targets, "inverse kinematics: numerical search")
             goals = np.repeat(self.arm.poses(seed[None]), STARTS, axis=0)
-            q, met = self.arm.search(goals, self.arm.drawn(STARTS, self.rng))
+            q, met = self.arm.search(goals, self.arm.draw_configurations(STARTS, self.rng))
             q = self._distinct(q[met & (self.arm.sharpness(goals, q) > SHARP)])
             if not len(q):
                 continue
-            found = self._solved(goals[: len(q)], q)
-            lost = self._missed(q, found)
+            answers = self._solve(goals[: len(q)], q)
+            lost = self._missing_mask(q, answers)
             solutions, missed = solutions + len(q), missed + int(lost.sum())
             if self.solver.plan.locked is None:
-                rows += len(found[0])
-                found_too += sum(bool(np.any(self.arm.apart(q, row) < APART)) for row in found[0])
+                rows += len(answers[0])
+                confirmed_rows += sum(bool(np.any(self.arm.apart(q, row) < APART)) for row in answers[0])
             if lost.any() and not where:
                 where = f"; not among the rows: q = {np.round(q[np.argmax(lost)], 6).tolist()}"
         if not solutions:
             reason = f"the numerical search found no solution of {targets} targets that is clear of singularities"
             self.rows.skipped.append((f"{self.function}: share of other solutions not among the rows", reason))
             return
-        counted = f"; the search found {found_too} of {rows} rows" if rows else ""
+        counted = f"; the search found {confirmed_rows} of {rows} rows" if rows else ""
         note = f"{solutions} solutions of {targets} targets by {STARTS} starts each{counted}{where}"
         self._share("share of other solutions not among the rows", SEARCH, targets, missed / solutions, 0.0, note)
 
@@ -288,4 +288,4 @@ class _Checks:
         q = np.zeros((1, self.arm.n))
         goals = self.arm.poses(q)
         goals[:, :3, 3] += 3.0 * self.arm.reach
-        self._add("rows of a target out of reach", OWN_CHAIN, 1, len(self._solved(goals, q)[0]), 0.0)
+        self._add("rows of a target out of reach", OWN_CHAIN, 1, len(self._solve(goals, q)[0]), 0.0)

@@ -44,9 +44,9 @@ class _Case(Case):
 
     def has(self, name: str) -> bool:
         """Whether the function ``name`` is emitted for the tip."""
-        return self.titled(name) in self.wanted
+        return self.emitted_name(name) in self.wanted
 
-    def titled(self, name: str) -> str:
+    def emitted_name(self, name: str) -> str:
         """The emitted name of the function ``name`` of the tip."""
         return f"{self.tip}_{name}" if self.tip else name
 
@@ -55,11 +55,11 @@ class _Case(Case):
         tip = {"tip": self.tip} if self.tip else {}
         return getattr(self.model, name)(*states, **given, **tip)
 
-    def each(self, value: Any) -> Array:
+    def repeat(self, value: Any) -> Array:
         """The same ``value`` at every state."""
         return np.asarray(np.tile(value, (self.s.count, *[1] * np.ndim(value))))
 
-    def drawn(self, *shape: int, low: float = -1.0, high: float = 1.0, seed: int = 0) -> Array:
+    def draw(self, *shape: int, low: float = -1.0, high: float = 1.0, seed: int = 0) -> Array:
         """Random numbers (N, ``shape``), the same for the same ``seed``, which a float represents exactly."""
         rng = np.random.default_rng((self.s.count, seed))
         return _representable(rng.uniform(low, high, (self.s.count, *shape)))
@@ -67,7 +67,7 @@ class _Case(Case):
     @cached_property
     def C(self) -> Array:
         """The Coriolis matrix (N, n, n) of the Christoffel symbols."""
-        columns = [self.christoffel(self.each(unit)) for unit in np.eye(self.s.q.shape[1])]
+        columns = [self.christoffel(self.repeat(unit)) for unit in np.eye(self.s.q.shape[1])]
         return np.stack(columns, axis=2)
 
     def christoffel(self, v: Array) -> Array:
@@ -89,7 +89,7 @@ class _Case(Case):
     def desired(self) -> tuple[Array, Array, Array]:
         """A desired motion q_d, dq_d, ddq_d (N, n) near the states."""
         n = self.s.q.shape[1]
-        moved = (self.drawn(n, low=-0.25, high=0.25, seed=k) for k in range(3))
+        moved = (self.draw(n, low=-0.25, high=0.25, seed=k) for k in range(3))
         parts = (part + move for part, move in zip((self.s.q, self.s.dq, self.s.ddq), moved, strict=True))
         return tuple(_representable(part) for part in parts)  # type: ignore[return-value]
 
@@ -146,16 +146,16 @@ def _results(
     case: _Case, name: str, call: Callable[[], Any], expected: Sequence[tuple[str, Array, float | None]]
 ) -> None:
     """Compare the results of ``call`` one by one with ``expected``: their names, values and scales."""
-    found: list[Any] = []
+    results: list[Any] = []
 
     def answer(k: int) -> Array:
-        if not found:
+        if not results:
             result = call()
-            found.append(result if isinstance(result, tuple) else (result,))
-        return np.asarray(found[0][k])
+            results.append(result if isinstance(result, tuple) else (result,))
+        return np.asarray(results[0][k])
 
     for k, (part, value, scale) in enumerate(expected):
-        title = case.titled(name) if not part else f"{case.titled(name)}: {part}"
+        title = case.emitted_name(name) if not part else f"{case.emitted_name(name)}: {part}"
         case.exact(title, lambda k=k: answer(k), value, scale=scale)  # type: ignore[misc]
 
 
@@ -168,7 +168,7 @@ def _terms(case: _Case) -> None:
         expected = [("p", p, None), ("ct", ct, torque), ("g", case.g, torque)]
         _results(case, "momentum_terms", lambda: case.call("momentum_terms", s.q, s.dq, beta=beta), expected)
     n = s.q.shape[1]
-    v, a = case.drawn(n, low=-3.0, high=3.0, seed=11), case.drawn(n, low=-9.0, high=9.0, seed=12)
+    v, a = case.draw(n, low=-3.0, high=3.0, seed=11), case.draw(n, low=-9.0, high=9.0, seed=12)
     if case.has("reference_torque"):
         tau = _times(case.M, a) + case.christoffel(v) + case.g
         call = lambda: case.call("reference_torque", s.q, s.dq, v, a, beta=beta)  # noqa: E731
@@ -187,7 +187,7 @@ def _reference_regressor(case: _Case, v: Array, a: Array) -> Array:
     return np.asarray(of(q, still, a) + (of(q, dq + v, still) - of(q, dq - v, still)) / 4.0)
 
 
-def _held(tau: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _limit_torques(tau: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Limits (n,) that about half of the torques (N, n) exceed, the torques within them, and which exceed them."""
     limit = 0.9 * np.median(np.abs(tau), axis=0) + 1e-3
     return limit, np.clip(tau, -limit, limit), np.abs(tau) > limit
@@ -196,8 +196,8 @@ def _held(tau: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
 def _joint_laws(case: _Case) -> None:
     """PD control with gravity, feed-forward and computed torque, within limits of the torques."""
     s, ne, (q_d, dq_d, ddq_d), n = case.s, case.ne, case.desired, case.s.q.shape[1]
-    kp, kd, ki = (case.drawn(n, low=1.0, high=20.0, seed=20 + k) for k in range(3))
-    z = case.drawn(n, seed=23)
+    kp, kd, ki = (case.draw(n, low=1.0, high=20.0, seed=20 + k) for k in range(3))
+    z = case.draw(n, seed=23)
     e = q_d - s.q
     feedback = kp * e + kd * (dq_d - s.dq) + ki * z
     laws: dict[str, Callable[[], Array]] = {
@@ -210,7 +210,7 @@ def _joint_laws(case: _Case) -> None:
             continue
         before = torques()
         free = before + case.friction(dq_d, before)
-        limit, tau, beyond = _held(free)
+        limit, tau, beyond = _limit_torques(free)
         resting = beyond & (free * e > 0.0)
         given = {"Ts": PERIOD, "tau_max": limit, "beta": case.parameters.beta, **case.friction_given}
         arguments = (s.q, s.dq, q_d, dq_d, ddq_d, kp, kd, ki, z)
@@ -227,7 +227,7 @@ def _adaptive_law(case: _Case) -> None:
     if not case.has("slotine_li"):
         return
     s, (q_d, dq_d, ddq_d), n = case.s, case.desired, case.s.q.shape[1]
-    lam, k = (case.drawn(n, low=1.0, high=9.0, seed=30 + i) for i in range(2))
+    lam, k = (case.draw(n, low=1.0, high=9.0, seed=30 + i) for i in range(2))
     v, a = dq_d + lam * (q_d - s.q), ddq_d + lam * (dq_d - s.dq)
     error = s.dq - v
     before = _times(case.M, a) + case.christoffel(v) + case.g - k * error
@@ -236,20 +236,20 @@ def _adaptive_law(case: _Case) -> None:
     K, count = np.asarray(case.model.base_projection), len(beta)
     bound = np.full(count, 1e6)
     given = {"gamma": np.full(count, 1.0 / PERIOD), "beta_min": -bound, "beta_max": bound, "Ts": PERIOD}
-    arguments = (s.q, s.dq, q_d, dq_d, ddq_d, lam, k, case.each(beta))
-    limit, tau, _ = _held(free)
+    arguments = (s.q, s.dq, q_d, dq_d, ddq_d, lam, k, case.repeat(beta))
+    limit, tau, _ = _limit_torques(free)
     far = np.full(n, 1e9)
 
     def call(tau_max: Array) -> Any:
         return case.call("slotine_li", *arguments, **given, tau_max=tau_max, **case.friction_given)
 
-    def adapted() -> Array:
+    def adaptation() -> Array:
         return np.asarray((beta - call(far)[1]) @ K)
 
     slope = np.einsum("nij,ni->nj", _reference_regressor(case, v, a), error)
     case.exact("slotine_li: tau", lambda: call(limit)[0], tau)
-    case.exact("slotine_li: beta_next", adapted, slope)
-    case.exact("slotine_li: beta_next at a limit", lambda: call(np.full(n, 1e-3))[1], case.each(beta))
+    case.exact("slotine_li: beta_next", adaptation, slope)
+    case.exact("slotine_li: beta_next at a limit", lambda: call(np.full(n, 1e-3))[1], case.repeat(beta))
 
 
 def _observer(case: _Case) -> None:
@@ -267,8 +267,8 @@ def _observer(case: _Case) -> None:
         lambda: case.call("momentum_observer_start", s.q, s.dq, **given),
         state,
     )
-    last = {f"{name}_last": case.drawn(n, seed=40 + k)[0] for k, name in enumerate("pur")}
-    applied = case.drawn(n, low=-20.0, high=20.0, seed=43)
+    last = {f"{name}_last": case.draw(n, seed=40 + k)[0] for k, name in enumerate("pur")}
+    applied = case.draw(n, low=-20.0, high=20.0, seed=43)
     y = (p - last["p_last"]) / PERIOD - applied - (u + last["u_last"]) / 2.0
     r = y + np.exp(-POLE * PERIOD) * (last["r_last"] - y)
     given |= {**last, "gain": POLE, "Ts": PERIOD}
@@ -286,7 +286,7 @@ def _pose_error(T: Array, T_d: Array) -> Array:
 
 def _nearby(case: _Case) -> Array:
     """Desired poses (N, 4, 4) of the tip near its poses: those half a radian or half a metre of every joint away."""
-    return case.ne.forward_kinematics(case.s.q + case.drawn(case.s.q.shape[1], low=-0.5, high=0.5, seed=50))
+    return case.ne.forward_kinematics(case.s.q + case.draw(case.s.q.shape[1], low=-0.5, high=0.5, seed=50))
 
 
 def _reachable(case: _Case) -> Array:
@@ -302,10 +302,10 @@ def _impedance(case: _Case) -> None:
         return
     s, ne = case.s, case.ne
     J, T, T_d = ne.jacobian(s.q), ne.forward_kinematics(s.q), _reachable(case)
-    V_d = case.drawn(6, seed=51)
-    stiffness, damping = (case.drawn(6, low=5.0, high=90.0, seed=52 + k) for k in range(2))
+    V_d = case.draw(6, seed=51)
+    stiffness, damping = (case.draw(6, low=5.0, high=90.0, seed=52 + k) for k in range(2))
     F = stiffness * _pose_error(T, T_d) + damping * (V_d - _times(J, s.dq))
-    limit, tau, _ = _held(_times(np.swapaxes(J, 1, 2), F) + case.g)
+    limit, tau, _ = _limit_torques(_times(np.swapaxes(J, 1, 2), F) + case.g)
     given = {"beta": case.parameters.beta, "tau_max": limit}
     call = lambda: case.call("impedance", s.q, s.dq, T_d, V_d, stiffness, damping, **given)  # noqa: E731
     _results(case, "impedance", call, [("", tau, None)])
@@ -323,9 +323,9 @@ def _one_operational_space(case: _Case, name: str, count: int) -> None:
     T, T_d, h = ne.forward_kinematics(s.q), _reachable(case), ne.coriolis(s.q, s.dq) + case.g
     J, drift = ne.jacobian(s.q)[:, :count], ne.jacobian_dot_dq(s.q, s.dq)[:, :count]
     e = _pose_error(T, T_d)[:, :count]
-    V_d, A_d, z = (case.drawn(count, seed=60 + k) for k in range(3))
-    kp, kd, ki = (case.drawn(count, low=1.0, high=9.0, seed=63 + k) for k in range(3))
-    tau_0, tau_add = case.drawn(n, seed=66), case.drawn(n, seed=67)[0]
+    V_d, A_d, z = (case.draw(count, seed=60 + k) for k in range(3))
+    kp, kd, ki = (case.draw(count, low=1.0, high=9.0, seed=63 + k) for k in range(3))
+    tau_0, tau_add = case.draw(n, seed=66), case.draw(n, seed=67)[0]
     X = np.linalg.solve(case.M, np.swapaxes(J, 1, 2))
     A = J @ X
     parts = np.einsum("nkk->nk", A).reshape(-1, count // 3, 3).mean(axis=2)
@@ -336,11 +336,11 @@ def _one_operational_space(case: _Case, name: str, count: int) -> None:
     damped = A + (delta[:, None] * scales)[:, :, None] * np.eye(count)
     force = np.linalg.solve(damped, wanted[..., None])[..., 0]
     free = _times(np.swapaxes(J, 1, 2), force) + h + tau_0 + tau_add
-    limit, tau, beyond = _held(free)
+    limit, tau, beyond = _limit_torques(free)
     stuck = (delta > 0.0) | beyond.any(axis=1)
     given = {"tau_add": tau_add, "Ts": PERIOD, "beta": case.parameters.beta, "with_status": True}
     goal = T_d if count == 6 else T_d[:, :3, 3]
-    arguments = (s.q, s.dq, goal, V_d, A_d, kp, kd, ki, z, tau_0, case.each(DAMPING))
+    arguments = (s.q, s.dq, goal, V_d, A_d, kp, kd, ki, z, tau_0, case.repeat(DAMPING))
 
     def call(tau_max: Array) -> Any:
         (torques, following), status = case.call(name, *arguments, tau_max=tau_max, **given)
@@ -380,13 +380,13 @@ def _contact(case: _Case) -> None:
     if not case.has("contact"):
         return
     n = case.s.q.shape[1]
-    r, r_last, change_last = (case.drawn(n, low=-3.0, high=3.0, seed=70 + k) for k in range(3))
-    threshold, change_threshold = (case.drawn(n, low=2.0, high=9.0, seed=73 + k) for k in range(2))
+    r, r_last, change_last = (case.draw(n, low=-3.0, high=3.0, seed=70 + k) for k in range(3))
+    threshold, change_threshold = (case.draw(n, low=2.0, high=9.0, seed=73 + k) for k in range(2))
     alpha = np.exp(-POLE * PERIOD)
     change = alpha**2 * change_last + alpha * (r - r_last)
     ratio = np.maximum(np.abs(r) / threshold, np.abs(change) / change_threshold)
     touches = np.any(ratio > 1.0, axis=1).astype(float)
-    arguments = (r, r_last, change_last, case.each(POLE), case.each(PERIOD), threshold, change_threshold)
+    arguments = (r, r_last, change_last, case.repeat(POLE), case.repeat(PERIOD), threshold, change_threshold)
     expected = [("ratio", ratio, None), ("touches", touches, 1.0), ("change", change, None)]
     _results(case, "contact", lambda: case.call("contact", *arguments), expected)
 
@@ -397,15 +397,15 @@ def _external_load(case: _Case) -> None:
     for name, count in (("external_wrench", 6), ("external_force", 3)):
         if not case.has(name):
             continue
-        square = case.drawn(n, n, seed=80)
+        square = case.draw(n, n, seed=80)
         turned = np.linalg.qr(square)[0][:, :, : min(n, 6)]
-        J = case.drawn(6, n, low=-0.1, high=0.1, seed=81)
+        J = case.draw(6, n, low=-0.1, high=0.1, seed=81)
         J[:, : turned.shape[2]] += np.swapaxes(turned, 1, 2)
         J = _representable(J)
-        root = case.drawn(n, n, seed=82)
+        root = case.draw(n, n, seed=82)
         S = _representable(np.eye(n) + 0.125 * (root + np.swapaxes(root, 1, 2)))
         S += 0.25 * n * np.eye(n)
-        r, rows = case.drawn(n, low=-9.0, high=9.0, seed=83), J[:, :count]
+        r, rows = case.draw(n, low=-9.0, high=9.0, seed=83), J[:, :count]
         weighted = np.linalg.solve(S, np.swapaxes(rows, 1, 2))
         G = rows @ weighted
         P = np.asarray(np.linalg.inv(G), dtype=np.float64)
@@ -434,7 +434,7 @@ def _points(case: _Case) -> None:
     call = lambda: case.call("link_jacobians_dot_dq", s.q, s.dq)  # noqa: E731
     _results(case, "link_jacobians_dot_dq", call, [("", A, scale)])
     place = np.array([0.25, -0.125, 0.375])
-    T, points = frames[:, link], case.each(place)
+    T, points = frames[:, link], case.repeat(place)
     at = T[:, :3, 3] + T[:, :3, :3] @ place
     J_p = ne.point_jacobian(frames, s.q, link, at)
     call = lambda: case.call("point_jacobian", T, J[:, link], points)  # noqa: E731
@@ -443,7 +443,7 @@ def _points(case: _Case) -> None:
     A_p = np.concatenate([ne.point_acceleration(s.q, s.dq, link, place), A[:, link, 3:]], axis=1)
     call = lambda: case.call("point_motion", T, V[:, link], A[:, link], points)  # noqa: E731
     _results(case, "point_motion", call, [("V_p", V_p, None), ("A_p", A_p, max(scale, size(A_p)))])
-    F = case.drawn(6, low=-9.0, high=9.0, seed=90)
+    F = case.draw(6, low=-9.0, high=9.0, seed=90)
     tau = np.einsum("nij,ni->nj", J[:, link], F)
     _results(case, "wrench_torques", lambda: case.call("wrench_torques", J[:, link], F), [("", tau, size(J) * size(F))])
 
@@ -454,7 +454,7 @@ def _tools(case: _Case) -> None:
     if not case.has("tool_kinematics"):
         return
     tool = np.array([[0.0, -1.0, 0.0, 0.25], [0.0, 0.0, -1.0, -0.125], [1.0, 0.0, 0.0, 0.375], [0.0, 0.0, 0.0, 1.0]])
-    frames, tools = ne.link_frames(s.q), case.each(tool)
+    frames, tools = ne.link_frames(s.q), case.repeat(tool)
     T = frames[:, ne.chain.tip] @ tool
     J = ne.point_jacobian(frames, s.q, ne.chain.tip, T[:, :3, 3])
     call = lambda: case.call("tool_kinematics", s.q, tools)  # noqa: E731
@@ -486,8 +486,8 @@ def _manipulability(case: _Case) -> None:
             (value, slope), _ = case.call(name, s.q, with_status=True)
             return np.asarray((value, slope)[k])
 
-        case.exact(f"{case.titled(name)}: w", lambda call=call: call(0), w, scale=most)  # type: ignore[misc]
-        case.close(f"{case.titled(name)}: dw_dq", lambda call=call: call(1), gradient, scale=most)  # type: ignore[misc]
+        case.exact(f"{case.emitted_name(name)}: w", lambda call=call: call(0), w, scale=most)  # type: ignore[misc]
+        case.close(f"{case.emitted_name(name)}: dw_dq", lambda call=call: call(1), gradient, scale=most)  # type: ignore[misc]
 
 
 def _nullspace(case: _Case) -> None:
@@ -499,7 +499,7 @@ def _nullspace(case: _Case) -> None:
         J = case.ne.jacobian(s.q)[:, :count]
         G = J @ np.swapaxes(J, 1, 2) + NULLSPACE_DAMPING**2 * np.eye(count)
         N = np.eye(n) - np.swapaxes(J, 1, 2) @ np.linalg.solve(G, J)
-        call = lambda name=name: case.call(name, s.q, case.each(NULLSPACE_DAMPING))  # noqa: E731
+        call = lambda name=name: case.call(name, s.q, case.repeat(NULLSPACE_DAMPING))  # noqa: E731
         _results(case, name, call, [("", N, None)])
 
 
@@ -513,9 +513,9 @@ def _quintic(case: _Case) -> None:
     if not case.has("quintic"):
         return
     n = case.s.q.shape[1]
-    T = case.drawn(low=0.5, high=2.0, seed=100)
-    t = T * case.drawn(low=-0.25, high=1.25, seed=101)
-    ends = [case.drawn(n, low=-2.0, high=2.0, seed=102 + k) for k in range(6)]
+    T = case.draw(low=0.5, high=2.0, seed=100)
+    t = T * case.draw(low=-0.25, high=1.25, seed=101)
+    ends = [case.draw(n, low=-2.0, high=2.0, seed=102 + k) for k in range(6)]
     now, powers = np.clip(t, 0.0, T), np.arange(6)
 
     def condition(at: Array, order: int) -> Array:
@@ -534,15 +534,15 @@ def _trapezoidal(case: _Case) -> None:
     if not case.has("trapezoidal"):
         return
     n = case.s.q.shape[1]
-    q_0, way = case.drawn(n, seed=110), case.drawn(n, low=-2.0, high=2.0, seed=111)
-    q_1 = _representable(q_0 + way * 10.0 ** case.drawn(1, low=-2.0, high=0.5, seed=112))
+    q_0, way = case.draw(n, seed=110), case.draw(n, low=-2.0, high=2.0, seed=111)
+    q_1 = _representable(q_0 + way * 10.0 ** case.draw(1, low=-2.0, high=0.5, seed=112))
     way = q_1 - q_0
-    speed, acceleration = (case.drawn(n, low=0.5, high=4.0, seed=113 + k) for k in range(2))
+    speed, acceleration = (case.draw(n, low=0.5, high=4.0, seed=113 + k) for k in range(2))
     W, B = np.max(np.abs(way) / speed, axis=1), np.max(np.abs(way) / acceleration, axis=1)
     top = 1.0 / np.maximum(W, np.sqrt(B))
     ramp = top * B
     T = 1.0 / top + ramp
-    t = T * case.drawn(low=-0.25, high=1.25, seed=115)
+    t = T * case.draw(low=-0.25, high=1.25, seed=115)
     now = np.clip(t, 0.0, T)
     rising, falling = np.minimum(now, ramp), np.clip(now - (T - ramp), 0.0, None)
     level = np.clip(now - ramp, 0.0, T - 2.0 * ramp)
@@ -565,7 +565,7 @@ def _path(case: _Case) -> None:
     if not case.has("path_dynamics"):
         return
     s, n = case.s, case.s.q.shape[1]
-    slope, curve = (case.drawn(n, low=-2.0, high=2.0, seed=120 + k) for k in range(2))
+    slope, curve = (case.draw(n, low=-2.0, high=2.0, seed=120 + k) for k in range(2))
     b = _times(case.M, curve) + case.ne.coriolis(s.q, slope)
     call = lambda: case.call("path_dynamics", s.q, slope, curve, beta=case.parameters.beta)  # noqa: E731
     _results(case, "path_dynamics", call, [("a", _times(case.M, slope), None), ("b", b, None), ("g", case.g, None)])
@@ -583,11 +583,11 @@ def _elastic(case: _Case) -> None:
     s, n, beta = case.s, case.s.q.shape[1], case.parameters.beta
     links = NewtonEuler(replace(case.ne.chain, drive_inertia=np.zeros((n, n))), case.ne.phi)
     M, h = links.mass_matrix(s.q), links.inverse_dynamics(s.q, s.dq, np.zeros_like(s.q))
-    J, K, D = (case.drawn(n, low=low, high=2 * low, seed=130 + k)[0] for k, low in enumerate((0.5, 40.0, 2.0)))
+    J, K, D = (case.draw(n, low=low, high=2 * low, seed=130 + k)[0] for k, low in enumerate((0.5, 40.0, 2.0)))
     given = {"beta": beta, "rotor_inertia": J, "stiffness": K}
-    theta, dtheta = s.q + case.drawn(n, seed=133), s.dq + case.drawn(n, seed=134)
+    theta, dtheta = s.q + case.draw(n, seed=133), s.dq + case.draw(n, seed=134)
     theta, dtheta = (_representable(part) for part in (theta, dtheta))
-    tau = case.drawn(n, low=-20.0, high=20.0, seed=135)
+    tau = case.draw(n, low=-20.0, high=20.0, seed=135)
     load = K * (theta - s.q) + D * (dtheta - s.dq)
 
     def accelerations() -> Any:
@@ -600,7 +600,7 @@ def _elastic(case: _Case) -> None:
         scale=max(size(load), size(h)),
     )
     case.exact("elastic_forward_dynamics: ddtheta", lambda: accelerations()[1], (tau - load) / J)
-    jerk, snap = (case.drawn(n, low=-20.0, high=20.0, seed=136 + k) for k in range(2))
+    jerk, snap = (case.draw(n, low=-20.0, high=20.0, seed=136 + k) for k in range(2))
     torques, rotors, speeds = _rotor_motion(links, (s.q, s.dq, s.ddq, jerk, snap), J, K)
     scale = max(size(torques), size(K * (rotors - s.q)))
     for k, (name, value) in enumerate((("tau", torques), ("theta", rotors), ("dtheta", speeds))):
@@ -649,12 +649,12 @@ def _elastic_laws(
     s, n, (J, K), (theta, dtheta) = case.s, case.s.q.shape[1], springs, rotors
     q_d, dq_d, ddq_d = case.desired
     desired = (q_d, dq_d, ddq_d, *further)
-    kp, kd = (case.drawn(n, low=1.0, high=20.0, seed=140 + k) for k in range(2))
-    w = case.drawn(n, low=1.0, high=4.0, seed=142)
+    kp, kd = (case.draw(n, low=1.0, high=20.0, seed=140 + k) for k in range(2))
+    w = case.draw(n, low=1.0, high=4.0, seed=142)
     torques, theta_d, dtheta_d = _rotor_motion(links, desired, J, K)
     before = torques + kp * (theta_d - theta) + kd * (dtheta_d - dtheta)
     free = before + case.friction(dq_d, before)
-    limit, tau, _ = _held(free)
+    limit, tau, _ = _limit_torques(free)
     more = {**given, **case.friction_given}
     case.close(
         "elastic_feedforward",
@@ -663,15 +663,15 @@ def _elastic_laws(
         scale=size(free),
     )
     M, h, still = links.mass_matrix(s.q), links.inverse_dynamics(s.q, s.dq, np.zeros_like(s.q)), np.zeros_like(s.q)
-    ddq = _solved(M, K * (theta - s.q) - h)
+    ddq = _solve(M, K * (theta - s.q) - h)
     rest = _torque_rates(links, (s.q, s.dq, ddq, still, still))[0]
-    d3q = _solved(M, K * (dtheta - s.dq) - rest)
+    d3q = _solve(M, K * (dtheta - s.dq) - rest)
     e, de, dde, d3e = (a - b for a, b in zip(desired, (s.q, s.dq, ddq, d3q), strict=False))
     d4q = desired[4] + 4 * w * d3e + 6 * w**2 * dde + 4 * w**3 * de + w**4 * e
     second = _torque_rates(links, (s.q, s.dq, ddq, d3q, d4q))[1]
     before = J * (ddq + second / K) + K * (theta - s.q)
     free = before + case.friction(dq_d, before)
-    limit, tau, _ = _held(free)
+    limit, tau, _ = _limit_torques(free)
     case.close(
         "elastic_feedback_linearization",
         lambda: case.call(
@@ -692,23 +692,23 @@ def _second_derivatives(case: _Case) -> None:
     if not case.has("inverse_dynamics_second_derivatives"):
         return
     s, ne, n = case.s, case.ne, case.s.q.shape[1]
-    vq, vv = (case.drawn(n, seed=150 + k) / np.sqrt(n) for k in range(2))
+    vq, vv = (case.draw(n, seed=150 + k) / np.sqrt(n) for k in range(2))
 
     def torques(t: float) -> Array:
         return ne.inverse_dynamics(s.q + t * vq, s.dq + t * vv, s.ddq)
 
-    def found() -> Any:
+    def answer() -> Any:
         return case.call("inverse_dynamics_second_derivatives", s.q, s.dq, s.ddq, beta=case.parameters.beta)
 
     def along() -> Array:
-        by_q, mixed, by_dq, _ = found()
+        by_q, mixed, by_dq, _ = answer()
         pairs = ((by_q, vq, vq, 1.0), (mixed, vv, vq, 2.0), (by_dq, vv, vv, 1.0))
         return np.asarray(sum(factor * np.einsum("nijk,nj,nk->ni", part, x, y) for part, x, y, factor in pairs))
 
     name = "inverse_dynamics_second_derivatives"
     case.close(f"{name}: v' H v", along, curvature(torques, SECOND_STEP))
     turning = rate(lambda t: ne.mass_matrix(s.q + t * vq), SECOND_STEP)
-    case.close(f"{name}: dM/dq vq", lambda: np.einsum("nijk,nk->nij", found()[3], vq), turning)
+    case.close(f"{name}: dM/dq vq", lambda: np.einsum("nijk,nk->nij", answer()[3], vq), turning)
 
 
 def _representable(value: Array) -> Array:
@@ -721,5 +721,5 @@ def _times(A: Array, x: Array) -> Array:
     return np.asarray(np.einsum("nij,nj->ni", A, x))
 
 
-def _solved(A: Array, x: Array) -> Array:
+def _solve(A: Array, x: Array) -> Array:
     return np.asarray(np.linalg.solve(A, x[..., None])[..., 0])

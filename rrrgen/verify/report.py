@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rrrgen.base.tables import folded, text_table
+from rrrgen.base.tables import fold_lines, text_table
 from rrrgen.verify.references.numeric_robot import Array
 
 HEADINGS = ("function", "reference", "beta", "states", "max rel. difference", "tolerance", "verdict")
@@ -116,7 +116,7 @@ class Report:
         text = text_table(cells, width, indent="", rule=True)
         notes = [f"note: {row.function}: {row.note}" for row in self.rows if row.note]
         notes += [f"not asked: {name}: {reason}" for name, reason in self.skipped]
-        text += [folded(note, width) for note in notes]
+        text += [fold_lines(note, width) for note in notes]
         failed = len(self.failures)
         verdict = "all comparisons pass" if self.ok else f"{failed} of {len(self.rows)} comparisons FAIL"
         return "\n".join([*text, f"{self.robot}: {verdict} ({self.samples} states, seed {self.seed})"]) + "\n"

@@ -40,18 +40,16 @@ class SplitCalls:
             half = len(states[0]) // 2
             batch = function(*(state[half:] for state in states), **given)
             single = [function(*(state[k] for state in states), **given) for k in range(half)]
-            return SplitCalls._joined(single, batch) if single else batch
+            return SplitCalls._join(single, batch) if single else batch
 
         return evaluate
 
     @staticmethod
-    def _joined(single: list[Any], batch: Any) -> Any:
+    def _join(single: list[Any], batch: Any) -> Any:
         """The results of single states before those of a ``batch``; tuples part by part."""
         if not isinstance(batch, tuple):
             return np.concatenate([np.stack(single), batch])
-        parts = [
-            SplitCalls._joined(list(row), rest) for row, rest in zip(zip(*single, strict=True), batch, strict=True)
-        ]
+        parts = [SplitCalls._join(list(row), rest) for row, rest in zip(zip(*single, strict=True), batch, strict=True)]
         return type(batch)(*parts) if hasattr(batch, "_fields") else tuple(parts)
 
 
@@ -77,7 +75,7 @@ class States:
         """The first ``count`` states, or all if there are fewer."""
         return States(self.q[:count], self.dq[:count], self.ddq[:count], self.e[:count])
 
-    def rounded(self, dtype: type[np.floating[Any]]) -> States:
+    def round_to(self, dtype: type[np.floating[Any]]) -> States:
         """The states rounded to the precision of ``dtype``, as float64."""
         return States(*(part.astype(dtype).astype(np.float64) for part in (self.q, self.dq, self.ddq, self.e)))
 
@@ -91,7 +89,7 @@ def draw_states(chain: NumericRobot, count: int, rng: np.random.Generator) -> St
     shape = (count, chain.n)
     q = rng.uniform(-1, 1, shape) * span
     return States(
-        _assembled(chain, q, span, rng) if chain.loops else q,
+        _replace_unassembled(chain, q, span, rng) if chain.loops else q,
         rng.uniform(-SPEED, SPEED, shape),
         rng.uniform(-ACCELERATION, ACCELERATION, shape),
         rng.uniform(-1, 1, shape),
@@ -103,9 +101,9 @@ SINE = 0.5
 positions have the slope of a square root. Halved while few positions reach it."""
 
 
-def _assembled(chain: NumericRobot, q: Array, span: Array, rng: np.random.Generator) -> Array:
+def _replace_unassembled(chain: NumericRobot, q: Array, span: Array, rng: np.random.Generator) -> Array:
     """Replace the positions ``q`` (N, n) at which a loop is open or near a dead point by others in ``span`` (n,)."""
-    loops = LoopSolver(chain, NewtonEuler(chain.opened(), np.zeros((chain.links, 10))))
+    loops = LoopSolver(chain, NewtonEuler(chain.spanning_tree(), np.zeros((chain.links, 10))))
     kept, count, least = np.empty((0, chain.n)), len(q), SINE
     for _ in range(60):
         x, solved = loops.solve(q)

@@ -193,7 +193,7 @@ def test_a_commit_names_no_file_outside(tmp_path):
 
 def test_what_a_living_process_has_not_finished_stays(tmp_path):
     place = exchange.staging_directory(tmp_path, "out")
-    with exchange.locked(place):
+    with exchange.hold_lock(place):
         write(NEW, tmp_path / "out")
         assert place.exists()
     write(OLD, tmp_path / "out")

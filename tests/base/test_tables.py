@@ -7,7 +7,7 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrrgen.base.tables import folded, text_table
+from rrrgen.base.tables import fold_lines, text_table
 
 ROWS = [
     ("function", "reference", "verdict"),
@@ -102,5 +102,5 @@ def test_numbers_are_aligned_to_the_right():
 
 def test_colours_have_no_width():
     line = "\x1b[31mFAIL\x1b[0m: the word"
-    assert folded(line, 14) == line
-    assert folded("  a b c d", 6) == "  a b\n    c\n    d"
+    assert fold_lines(line, 14) == line
+    assert fold_lines("  a b c d", 6) == "  a b\n    c\n    d"

@@ -30,7 +30,7 @@ def test_a_working_compiler_is_tried_out(capsys):
 def test_without_a_compiler_it_says_how_to_get_one(monkeypatch, capsys):
     monkeypatch.setenv("PATH", "/nonexistent")
     monkeypatch.delenv("CC", raising=False)
-    monkeypatch.setattr(compiler, "installed", lambda _: False)
+    monkeypatch.setattr(compiler, "is_installed", lambda _: False)
     code, found = findings(capsys)
     assert code == 5
     assert not found["C compiler"]["ok"]
@@ -46,7 +46,7 @@ def test_a_compiler_that_fails_is_not_ok(monkeypatch, capsys):
 
 
 def test_a_missing_extra_is_named_with_the_line_to_type(monkeypatch, capsys):
-    monkeypatch.setattr(errors, "installed", lambda module: module != "h5py")
+    monkeypatch.setattr(errors, "is_installed", lambda module: module != "h5py")
     _, found = findings(capsys)
     assert not found["extra logs"]["ok"]
     assert "without h5py; pip install 'rrrgen[logs]'" in found["extra logs"]["found"]

@@ -281,7 +281,7 @@ def test_verify_returns_1_when_the_model_is_wrong(rrrgen, monkeypatch):
 def test_without_a_compiler_verify_returns_5_and_says_what_to_install(rrrgen, monkeypatch):
     monkeypatch.setenv("PATH", "/nonexistent")
     monkeypatch.delenv("CC", raising=False)
-    monkeypatch.setattr("rrrgen.emit.c.compilers.installed", lambda module: False)  # of PyPI, zig
+    monkeypatch.setattr("rrrgen.emit.c.compilers.is_installed", lambda module: False)  # of PyPI, zig
     code, _, err = rrrgen("verify", "pendulum")
     assert code == 5
     assert "apt install gcc" in err

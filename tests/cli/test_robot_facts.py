@@ -8,7 +8,7 @@ import math
 import pytest
 
 from cli.stated import line
-from rrrgen.emit.html.robot_facts import measured, unit_of
+from rrrgen.emit.html.robot_facts import in_units, unit_of
 from rrrgen.robot.file import bundled_names, load_spec
 
 
@@ -57,7 +57,7 @@ def test_no_stated_fact_of_a_bundled_robot_is_left_out(name):
     for joint in spec.joints:
         for key, unit in (("lower", "rad"), ("torque", "N m")):
             value = getattr(joint.limits, key)
-            expected = None if value is None else measured(value, unit_of(unit, joint.is_revolute))
+            expected = None if value is None else in_units(value, unit_of(unit, joint.is_revolute))
             assert found["limits"][joint.name][key] == expected
     masses = None if spec.links is None else [float(link.mass) for link in spec.links]
     assert masses == (None if found["links"] is None else [link["mass"]["kg"] for link in found["links"]])

@@ -10,7 +10,7 @@ import pytest
 
 import rrrgen
 from rrrgen.cli.main import run
-from rrrgen.cli.show import stated
+from rrrgen.cli.show import robot_file_lines
 from rrrgen.cli.terminal import say
 from rrrgen.robot.file import bundled_names, load_spec
 
@@ -35,7 +35,7 @@ def longest(lines: list[str]) -> str:
 @pytest.mark.parametrize("name", bundled_names())
 def test_no_line_about_a_bundled_robot_is_longer_than_the_terminal(name: str, width: int) -> None:
     spec = load_spec(name)
-    free, folded = stated(spec), stated(spec, width)
+    free, folded = robot_file_lines(spec), robot_file_lines(spec, width)
     tables = [line for line in folded if line.startswith(" ")]  # the command folds the titles
     assert len(longest(tables)) <= width, longest(tables)
     assert {*NUMBER.findall("\n".join(free))} == {*NUMBER.findall("\n".join(folded))}

@@ -27,7 +27,7 @@ from rrrgen.emit.controller.filters import kalman_program, linear_step_program
 from rrrgen.emit.controller.state_space import StateSpace
 from rrrgen.emit.targets.javascript import BACKEND as JAVASCRIPT
 from rrrgen.program import REFUSED, Builder, Domain, Op, Port, Program, evaluate
-from rrrgen.program.guard import BOUNDS, guarded, is_guarded
+from rrrgen.program.guard import BOUNDS, add_guard, is_guarded
 from rrrgen.robot.friction.laws import LAWS
 from rrrgen.robot.friction.programs import friction_step_program
 from rrrgen.robot.identity import identify
@@ -398,7 +398,7 @@ def test_a_result_that_overflows_is_refused_though_another_one_shows_that_all_in
     b = Builder()
     (x,), (u,) = b.input(Port("x", (1,), "1")), b.input(Port("u", (1,), "1"))
     outputs = [(Port("x_next", (1,), "1", state="x"), [b.mul(b.mul(x, x), u)]), (Port("y", (1,), "1"), [b.add(x, u)])]
-    program = guarded(b.program("step", outputs, "a step"))
+    program = add_guard(b.program("step", outputs, "a step"))
     with np.errstate(over="ignore"):
         kept, y, status = evaluate(program, np.array([1e200]), np.array([2.0]))
     assert (kept, y, status) == (1e200, 0.0, REFUSED.code)

@@ -24,7 +24,7 @@ from oracles.numeric_rank import base_parameter_count, matrix_rank
 from oracles.random_robots import random_link, random_robot, random_state, robots, to_yaml
 from rrrgen.derive.functions.recording import FunctionBuilder, parametrize
 from rrrgen.derive.functions.table import recorders
-from rrrgen.derive.parameters.base_parameters import MOST_TERMS, base_set, factored, standard_symbols
+from rrrgen.derive.parameters.base_parameters import MOST_TERMS, base_set, factor_coefficient, standard_symbols
 from rrrgen.program import evaluate
 from rrrgen.robot.file import bundled_names, load_spec, loads_spec
 from rrrgen.robot.model import build_model
@@ -286,6 +286,6 @@ def test_gravity_along_any_axis(order):
 
 def test_sums_are_factored_unless_they_are_long():
     x, y = sp.symbols("x y")
-    assert factored(x * y + x) == x * (y + 1)
+    assert factor_coefficient(x * y + x) == x * (y + 1)
     long = sp.Add(*(x * y**k for k in range(MOST_TERMS + 1)))
-    assert factored(long) is long
+    assert factor_coefficient(long) is long

@@ -14,7 +14,7 @@ from oracles.random_robots import random_robot, to_yaml
 from rrrgen.derive import derive, derive_model
 from rrrgen.lab.plant.plant import FlexibleJoints, make_plant
 from rrrgen.program import count_operations, evaluate
-from rrrgen.program.guard import guarded
+from rrrgen.program.guard import add_guard
 from rrrgen.robot.file import load_spec, loads_spec
 
 EXACT = 1e-9
@@ -216,7 +216,7 @@ def test_operations_and_values_from_the_optimized_inverse_dynamics():
         values["beta"] = np.array([float(value) for value in derived.beta_nominal])
         found, wanted = (
             evaluate(program, *(values[port.name] for port in program.inputs))
-            for program in (derived.programs[name], guarded(recorded[name][0]))
+            for program in (derived.programs[name], add_guard(recorded[name][0]))
         )
         for value, expected in zip(found, wanted, strict=True):
             close(value, expected)

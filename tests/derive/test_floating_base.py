@@ -13,7 +13,7 @@ import rrrgen
 from derive.trees import PLACED_TREE
 from oracles.free_base import FreeMujoco, FreePinocchio
 from rrrgen.base.errors import InputError
-from rrrgen.derive import parametrized, prepare, record
+from rrrgen.derive import parametrize_robot, prepare, record
 from rrrgen.derive.functions.table import FUNCTIONS, functions_for, recorders
 from rrrgen.derive.optimizer import Optimizer
 from rrrgen.exporting import export_robot
@@ -390,7 +390,7 @@ def test_the_mass_of_a_prismatic_joint_counts_in_the_first_moments_of_the_whole_
     )
     spec = loads_spec(f"{head}{TRUNK}joints:\n{rows}tip: leg\nlinks:\n{LINK.format(1, 2)}{LINK.format(2, 3)}")
     derivation = prepare(spec)
-    beta = [float(v) for v in parametrized(derivation).beta_nominal]
+    beta = [float(v) for v in parametrize_robot(derivation).beta_nominal]
     q = np.array([0.4, 0.3])
     (M,) = evaluate(recorders("floating_mass_matrix")[0](derivation.recording()), q, beta)
     free = FreePinocchio(spec)

@@ -12,8 +12,8 @@ from derive.test_floating_base import LINK, TRUNK, draw, floating
 from oracles.free_base import FreePinocchio
 from rrrgen.derive import prepare, record
 from rrrgen.derive.functions.floating_second_derivatives import weighted_gradient
-from rrrgen.derive.functions.second_derivatives import packed
-from rrrgen.derive.functions.table import functions_for, named, with_sources
+from rrrgen.derive.functions.second_derivatives import upper_triangle_indices
+from rrrgen.derive.functions.table import functions_for, get_function, with_sources
 from rrrgen.derive.optimizer import Optimizer
 from rrrgen.program import count_operations, evaluate
 from rrrgen.robot.file import dumps, load_spec, loads_spec
@@ -52,7 +52,7 @@ def spec_of(name: str):
 @cache
 def functions(name: str):
     """The optimized Hessian and its product, general and with the numbers of the file, and the base parameters."""
-    wanted = with_sources([named(HESSIAN), named(PRODUCT)])
+    wanted = with_sources([get_function(HESSIAN), get_function(PRODUCT)])
     derived = Optimizer()(record(prepare(spec_of(name)), wanted))
     return derived, np.array([float(v) for v in (*derived.beta_nominal, *(derived.drive_inertia_nominal or ()))])
 
@@ -65,7 +65,7 @@ def full(n: int, gradient, pose, velocity, acceleration, squares, status):
     """Gradient, and the symmetric Hessian of its blocks."""
     size = 6 + n
     H = np.zeros((3 * size, 3 * size))
-    for first, of in ((packed(3 + n), pose), (packed(size), squares)):
+    for first, of in ((upper_triangle_indices(3 + n), pose), (upper_triangle_indices(size), squares)):
         start = 3 if of is pose else size
         for (i, j), value in zip(first, of, strict=True):
             H[start + i, start + j] = H[start + j, start + i] = value
@@ -193,11 +193,11 @@ def test_translation_yaw_and_constant_velocity_change_nothing(name):
 def test_operation_counts_of_the_quadruped():
     """A prototype took 8795 operations, 2749 of them for the gradient, with the numbers of the file."""
     derivation = prepare(floating("quadruped"))
-    derived = Optimizer()(record(derivation, with_sources([named(HESSIAN)])))
+    derived = Optimizer()(record(derivation, with_sources([get_function(HESSIAN)])))
     assert count_operations(derived.programs[HESSIAN]).total <= 6347
     assert count_operations(derived.programs[f"{HESSIAN}_nominal"]).total <= 5998
-    recording, (forces,) = derivation.recording(), named(HESSIAN).of
-    recording.function = named(HESSIAN)
+    recording, (forces,) = derivation.recording(), get_function(HESSIAN).of
+    recording.function = get_function(HESSIAN)
     gradient = weighted_gradient(recording, derived.programs[f"{forces}_nominal"])
     assert count_operations(gradient).total <= 2593
 

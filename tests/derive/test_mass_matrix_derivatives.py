@@ -12,7 +12,7 @@ from oracles.lagrange import STEP
 from oracles.random_robots import random_robot, random_state, to_yaml
 from rrrgen.derive import prepare, record
 from rrrgen.derive.derived_model import Derivation
-from rrrgen.derive.functions.table import named, with_sources
+from rrrgen.derive.functions.table import get_function, with_sources
 from rrrgen.derive.recursions.mass_matrix_derivatives import mass_matrix_derivatives
 from rrrgen.program import Port, Program, evaluate
 from rrrgen.program.differentiation import jacobian
@@ -39,7 +39,7 @@ def test_random_arms_against_another_newton_euler(seed):
     derivation = prepare(spec)
     q, _, _ = random_state(robot, np.random.default_rng(seed))
     expected = [oracle.mass_matrix(robot, q + 1j * STEP * e).imag / STEP for e in np.eye(4)]
-    nominal = record(derivation, with_sources([named("mass_matrix")])).nominal
+    nominal = record(derivation, with_sources([get_function("mass_matrix")])).nominal
     (found,) = evaluate(Fold(nominal)(recorded(derivation)), q)
     assert np.max(np.abs(found - expected)) < ROUND_OFF * np.max(np.abs(expected))
 
@@ -47,7 +47,7 @@ def test_random_arms_against_another_newton_euler(seed):
 @pytest.mark.parametrize("path", ["trees/hand", "trees/torso", "palletiser/robot"])
 def test_trees_and_joints_that_follow_others_against_the_differentiated_mass_matrix(path):
     derivation = prepare(load_spec(str(EXAMPLES / f"{path}.yaml")))
-    model = record(derivation, with_sources([named("mass_matrix")]))
+    model = record(derivation, with_sources([get_function("mass_matrix")]))
     slopes = jacobian(model.alternatives["mass_matrix"][0], "M", ("q",))
     program, rng = recorded(derivation), np.random.default_rng(1)
     q, beta = (rng.uniform(-1, 1, port.size) for port in program.inputs)

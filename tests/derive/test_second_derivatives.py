@@ -14,7 +14,7 @@ from oracles.random_robots import random_robot, random_state, to_yaml
 from pipeline.optimized import bundled
 from rrrgen.base.errors import DerivationError
 from rrrgen.derive import derive, prepare
-from rrrgen.derive.functions.second_derivatives import packed
+from rrrgen.derive.functions.second_derivatives import upper_triangle_indices
 from rrrgen.derive.functions.table import combine, functions_for
 from rrrgen.program import count_operations, evaluate
 from rrrgen.robot.file import load_spec, loads_spec
@@ -41,7 +41,7 @@ def programs_of(joints: int):
 def full(n, gradient, first, velocity, third, second):
     """Gradient, and the symmetric Hessian of its blocks."""
     H = np.zeros((3 * n, 3 * n))
-    for (i, j), q, v in zip(packed(n), first, second, strict=True):
+    for (i, j), q, v in zip(upper_triangle_indices(n), first, second, strict=True):
         H[i, j] = H[j, i] = q
         H[n + i, n + j] = H[n + j, n + i] = v
     H[n : 2 * n, :n], H[2 * n :, :n] = velocity, third

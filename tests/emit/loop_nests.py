@@ -5,7 +5,7 @@ from __future__ import annotations
 from rrrgen.emit.c.ik.costs import SolverOperations
 from rrrgen.emit.c.ik.kernels import KernelDialect
 from rrrgen.emit.c.ik.loop_nest import ARC, ArcTangent, Leaf, LoopNest, RootLoop, Statement
-from rrrgen.emit.c.ik.statements import printed
+from rrrgen.emit.c.ik.statements import print_nest
 from rrrgen.emit.c.language import CTarget, LibmSinCos
 from rrrgen.ik.recording.scalar import Pool, SolverScalar
 
@@ -22,7 +22,7 @@ def counted(nest: LoopNest) -> SolverOperations:
 
 
 def _printed(nest: LoopNest) -> tuple[str, SolverOperations]:
-    return printed(nest, CTarget(KernelDialect("robot", "double"), LibmSinCos()), ())
+    return print_nest(nest, CTarget(KernelDialect("robot", "double"), LibmSinCos()), ())
 
 
 def opened(pool: Pool, depth: int, index: int, name: str) -> Statement:

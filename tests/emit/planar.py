@@ -129,7 +129,7 @@ def _dynamics(nominal: bool, drives: bool) -> dict[str, Program]:
         parts = _model(b, q, dq, beta)
         summary = f"The {name} of the arm."
         program = b.program(name + suffix, outputs(b, values, *parts), summary, status=status)
-        programs[name + suffix] = program.described(specializes=name if nominal else "")
+        programs[name + suffix] = program.with_fields(specializes=name if nominal else "")
 
     vector = lambda name, unit="N m": Port(name, (2,), unit, "joint", name)  # noqa: E731
     matrix = lambda name, unit="kg m^2": Port(name, (2, 2), unit, "joint", name)  # noqa: E731

@@ -192,9 +192,9 @@ class Connected(MujocoReference):
 
     def __init__(self, chain, phi) -> None:
         (self._loop,) = chain.loops
-        super().__init__(chain.opened(), phi)
+        super().__init__(chain.spanning_tree(), phi)
         self._drives, self._passive = chain.n, list(self._loop.passive)
-        self._connected = mujoco.MjModel.from_xml_string(self._mjcf(chain.opened(), phi))
+        self._connected = mujoco.MjModel.from_xml_string(self._mjcf(chain.spanning_tree(), phi))
         self._connected.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
 
     def _mjcf(self, chain, phi) -> str:

@@ -13,7 +13,7 @@ from emit.c_tools import C99, CXX, SANITIZERS, check_all, compile_all, compiler,
 from program.passes.programs import programs
 from rrrgen.derive import derive_once
 from rrrgen.emit.c import division
-from rrrgen.emit.c.division import divided
+from rrrgen.emit.c.division import divide
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.emit.c.header_comments import explanation
 from rrrgen.emit.c.language import Dialect
@@ -44,7 +44,7 @@ def test_every_part_has_what_it_needs():
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(division, "LONGEST", 0)
             patch.setattr(division, "PART", 6)
-            found = divided(program)
+            found = divide(program)
         if found is None:
             return
         assert (found.starts[0], found.starts[-1]) == (0, len(program.nodes))
@@ -100,7 +100,7 @@ def test_divided_functions_compute_what_their_programs_do(short, flags, tmp_path
         values = evaluate_floats(program, *(x.tolist() for x in inputs))
         expected += [x for k, row in enumerate(values) if not program.is_status(k) for x in row]
     files = function_files("planar2r", "Hessians", hessians(), "double")
-    assert files["planar2r.c"].count("_part_1(") == 2 * len([p for p in hessians() if divided(p) is not None]) > 6
+    assert files["planar2r.c"].count("_part_1(") == 2 * len([p for p in hessians() if divide(p) is not None]) > 6
     head = '#include <stdio.h>\n#include "planar2r.h"\nint main(void) {\n'
     files["main.c"] = head + "\n".join([*calls, "return 0;", "}"])
     done = run(compile_all(write(files, tmp_path), [compiler("gcc"), "-std=c99", *flags], "main"))
@@ -121,7 +121,7 @@ def test_frames_of_divided_functions_stay_below_the_stated_bound(short, command,
 
 def test_the_comment_states_parts_and_array(short):
     program = model().programs[LONG]
-    found = divided(program)
+    found = divide(program)
     assert found is not None
     text = " ".join(explanation(program, Dialect("planar2r")))
     assert f"It consists of {found.parts} static functions" in text
@@ -129,4 +129,4 @@ def test_the_comment_states_parts_and_array(short):
 
 
 def test_functions_of_usual_length_stay_whole():
-    assert all(divided(program) is None for program in model().programs.values())
+    assert all(divide(program) is None for program in model().programs.values())

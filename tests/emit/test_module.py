@@ -20,7 +20,7 @@ from emit.casadi_cases import arguments, as_matrices, build, call
 from pipeline.optimized import bundled
 from rrrgen.derive import derive
 from rrrgen.derive.parameters.listing import listing
-from rrrgen.emit.casadi.files import casadi_programs, derivatives_of, is_reproducible, serialized, sources
+from rrrgen.emit.casadi.files import casadi_programs, derivatives_of, is_reproducible, serialize, sources
 from rrrgen.emit.casadi.function import function
 from rrrgen.program import Program, Role, evaluate
 from rrrgen.robot.file import load_spec, loads_spec
@@ -187,8 +187,8 @@ def test_friction_comes_with_a_smooth_twin() -> None:
 
 
 def test_saved_functions_load_and_are_kept_out_of_checks(tmp_path: Path) -> None:
-    files = serialized(model("friction_arm"))
-    assert files == serialized(model("friction_arm"))
+    files = serialize(model("friction_arm"))
+    assert files == serialize(model("friction_arm"))
     assert not any(is_reproducible(file) for file in files)
     assert all(is_reproducible(file) for file in sources(model("friction_arm")))
     file = "friction_arm_casadi_gravity_nominal.casadi"
@@ -201,7 +201,9 @@ def test_saved_functions_load_and_are_kept_out_of_checks(tmp_path: Path) -> None
 def test_second_derivatives_come_with_the_nominal_twin() -> None:
     names = ("energy", "standard_regressor")
     without = {name: Program(name, (), (), (), ()) for name in names}
-    with_links = without | {"energy_nominal": without["energy"].described(name="energy_nominal", specializes="energy")}
+    with_links = without | {
+        "energy_nominal": without["energy"].with_fields(name="energy_nominal", specializes="energy")
+    }
     assert "fwd1_adj1" in derivatives_of("energy_nominal", with_links)
     assert "fwd1_adj1" not in derivatives_of("energy", with_links)
     assert "fwd1_adj1" in derivatives_of("energy", without)

@@ -11,7 +11,7 @@ import pytest
 from pipeline.optimized import bundled
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.emit.c.language import InlineSinCos
-from rrrgen.evidence.counts import FLAGS, PROCESSORS, counted, counts_entry, not_applicable
+from rrrgen.evidence.counts import FLAGS, PROCESSORS, count_instructions, counts_entry, not_applicable
 
 X86, CORTEX = PROCESSORS
 installed = pytest.mark.skipif(bool(X86.missing), reason=f"not installed: {X86.missing}")
@@ -34,7 +34,7 @@ def test_loops_recursion_and_the_c_library_have_no_figure(processor, tmp_path):
     text = SOURCE
     if processor.single_only:
         text = re.sub(r"(\d\.\d|1e6)", r"(float)\1", text.replace("double", "float").replace("tan(", "tanf("))
-    count = counted(processor, {"functions.c": text}, tmp_path)
+    count = count_instructions(processor, {"functions.c": text}, tmp_path)
     reasons = {name: value.instructions for name, value in count.items() if isinstance(value.instructions, str)}
     assert reasons == {
         "summed": "a loop",
@@ -53,7 +53,7 @@ def test_no_run_executes_more_instructions_than_the_longest_path(robot, tmp_path
     programs = bundled(robot).programs
     names = ["inverse_dynamics", "mass_matrix", "forward_kinematics"]
     files = function_files("counted", "three functions", [programs[name] for name in names], "double", InlineSinCos())
-    count = counted(X86, files, tmp_path)
+    count = count_instructions(X86, files, tmp_path)
     calls = []
     for name in names:
         program = programs[name]

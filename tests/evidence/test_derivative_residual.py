@@ -65,7 +65,7 @@ def test_a_bound_grows_with_the_limits_of_the_inverse():
 def changed(program, index, **fields):
     nodes = list(program.nodes)
     nodes[index] = nodes[index]._replace(**fields)
-    return program.described(nodes=tuple(nodes))
+    return program.with_fields(nodes=tuple(nodes))
 
 
 def test_a_program_of_another_form_has_no_bound():

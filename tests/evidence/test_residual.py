@@ -14,7 +14,7 @@ from rrrgen.evidence.certificate import residual_entry
 from rrrgen.evidence.factorization import LEAST_PIVOT, factorization_facts
 from rrrgen.evidence.residual import residual_bounds
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError
-from rrrgen.evidence.sampling import _evaluated, _states, largest_residuals
+from rrrgen.evidence.sampling import _evaluate_nodes, _states, largest_residuals
 from rrrgen.evidence.solutions import ForwardDynamics, solution_of
 from rrrgen.evidence.vectors import DIGITS, exact_values
 from rrrgen.program.program import Op, Role
@@ -71,7 +71,7 @@ def test_residuals_in_exact_arithmetic_stay_below_their_bounds():
                 float(sum(a * x for a, x in zip(row, state[2], strict=True)) + b) for row, b in zip(M, h, strict=True)
             ]
             given = [np.array([each]) for each in (*state[:2], tau)]
-            values = _evaluated(program, given, DOUBLE, None)
+            values = _evaluate_nodes(program, given, DOUBLE, None)
             ddq = [float(np.asarray(values[index]).ravel()[0]) for index in program.results[0]]
             for i in range(3):
                 worst[i] = max(worst[i], abs(sum(a * x for a, x in zip(M[i], ddq, strict=True)) + h[i] - tau[i]))
@@ -101,7 +101,7 @@ def test_facts_about_the_factors_hold_where_the_status_is_ok(name, suffix):
     program, mass, _, box = solved(name, suffix)
     facts = factorization_facts(program, mass, {port: each.bounds for port, each in box.items()})
     states = _states(program, {**box, "tau": box["ddq"]}, 20_000, np.random.default_rng(4), np.float64)
-    values = _evaluated(program, states, DOUBLE, None)
+    values = _evaluate_nodes(program, states, DOUBLE, None)
     ok = np.broadcast_to(values[program.results[1][0]] == 0, (20_000,)).copy()
     pivots = {fact.after for fact in facts}
     for pivot in pivots:
@@ -119,7 +119,7 @@ def test_facts_about_the_factors_hold_where_the_status_is_ok(name, suffix):
 def changed(program, index, **fields):
     nodes = list(program.nodes)
     nodes[index] = nodes[index]._replace(**fields)
-    return program.described(nodes=tuple(nodes))
+    return program.with_fields(nodes=tuple(nodes))
 
 
 def test_a_program_of_another_form_has_no_bound():

@@ -257,7 +257,7 @@ def test_carried_errors_are_never_exceeded_and_nearly_reached(record, kinds, mon
             if erring(program.nodes, index, KINDS[kinds]):
                 size = 1.0 if node.op in TRIGONOMETRIC else float(rounding._magnitude(enclosure)[0])
                 radius = ROUNDOFF * size
-        ranges.append(node, rounding._widened(enclosure, radius), radius)
+        ranges.append(node, rounding._widen(enclosure, radius), radius)
         local.append(np.full((2, 1), radius))
     carried = rounding._Carried(ranges, local, {})
     bounds = np.array([carried.sizes[index][0, 0] for index in program.results[0]])

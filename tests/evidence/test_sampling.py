@@ -36,7 +36,7 @@ def test_states_evaluated_in_parts_find_as_large_errors(program, monkeypatch):
 
 def test_the_search_goes_on_from_the_largest_errors_of_every_port_and_counts_for_all(program, monkeypatch):
     drawn = largest_errors(program, BOX, DOUBLE, 100, 1, climbs=0)
-    climbed = sampling._climbed(program, drawn)
+    climbed = sampling._outputs_to_climb(program, drawn)
     assert len(climbed) == 9
     assert 12 in climbed  # the port of one element
     assert min(drawn[climbed[:8]]) >= max(drawn[np.setdiff1d(np.arange(12), climbed)])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rrrgen.evidence.rounding import DOUBLE, FLOAT
-from rrrgen.evidence.sampling import _evaluated, errors_at
+from rrrgen.evidence.sampling import _evaluate_nodes, errors_at
 from rrrgen.evidence.wide_arithmetic import compile_wide
 from rrrgen.program import Builder, Port
 
@@ -37,7 +37,7 @@ def test_values_and_errors_are_those_of_numpy(program, precision):
     rng = np.random.default_rng(2)
     states = [rng.uniform(-3, 3, (500, 2)).astype(kind), rng.uniform(-1, 1, (500, 3)).astype(kind)]
     states[1][::5, 2] = 0.0  # the sign of zero
-    values = _evaluated(program, states, precision, wide)
+    values = _evaluate_nodes(program, states, precision, wide)
     expected = np.stack([np.broadcast_to(values[index], 500) for row in program.results for index in row])
     compiled = compile_wide(program, precision)
     got = compiled.outputs(states)
@@ -45,7 +45,7 @@ def test_values_and_errors_are_those_of_numpy(program, precision):
     assert (np.abs(got - expected) <= 4 * np.finfo(wide).eps * np.abs(expected)).all()
 
     def rounded(given):
-        outputs = _evaluated(program, given, precision, None)
+        outputs = _evaluate_nodes(program, given, precision, None)
         return [np.stack([np.broadcast_to(outputs[k], 500) for k in row], axis=1) for row in program.results]
 
     errors = compiled.errors(states, rounded(states))

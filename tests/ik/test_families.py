@@ -10,7 +10,7 @@ from ik.checks import sample
 from ik.robots import make, reference
 from rrrgen.ik.classify import plan, tip_plans
 from rrrgen.ik.inverse_kinematics import evaluated_solver
-from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
+from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrap
 from rrrgen.robot.file import load_spec
 
 STRUCTURES = every_structure()
@@ -35,7 +35,7 @@ def test_equations_give_back_the_configuration(name, family, rows):
         T = reference(rows, q)[0]
         answers = every_branch(found.equations.play, lambda script, T=T, q=q: FloatBuilder(T, q, script))
         apart = [
-            max(abs(wrapped(x - y)) if turn else abs(x - y) for x, y, turn in zip(row, q, turning, strict=True))
+            max(abs(wrap(x - y)) if turn else abs(x - y) for x, y, turn in zip(row, q, turning, strict=True))
             for row in answers
         ]
         assert min(apart) < EQUATION_ERROR

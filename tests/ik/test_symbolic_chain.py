@@ -7,7 +7,7 @@ import itertools
 import sympy as sp
 
 from rrrgen.emit.latex.inverse_kinematics import closed_form
-from rrrgen.ik.singularities import FACTORED, _simplified
+from rrrgen.ik.singularities import FACTORED, _simplify
 from rrrgen.robot.file import load_spec
 
 
@@ -32,4 +32,4 @@ def test_long_determinants_of_irrational_constants_are_not_factored():
     powers = itertools.product(range(8), range(8))
     value = sp.Add(*(sp.cos(sp.Rational(i + 9 * j + 1, 10)) * sp.sin(q[0]) ** i * sp.cos(q[1]) ** j for i, j in powers))
     assert len(value.args) > FACTORED
-    assert _simplified(value, list(q)) == value
+    assert _simplify(value, list(q)) == value

@@ -144,7 +144,7 @@ def test_mixed_friction_is_that_of_the_compiled_model():
     dq = np.random.default_rng(1).uniform(-2, 2, (50, 4))
     dq[0] = 0.0
     assert mixed.torque(dq) == pytest.approx(model.friction(dq), rel=1e-12, abs=1e-12)
-    assert mixed.directed(dq, np.sign(dq)) == pytest.approx(mixed.torque(dq))
+    assert mixed.torque_in_direction(dq, np.sign(dq)) == pytest.approx(mixed.torque(dq))
     z = 1e-5 * dq
     i = 1
     alone = FrictionModel(LAWS[names[i]], np.array([EXAMPLES[names[i]][0]]))

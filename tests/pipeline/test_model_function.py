@@ -10,7 +10,7 @@ import pytest
 
 from rrrgen.derive import derive_model
 from rrrgen.derive.functions.table import GROUPS
-from rrrgen.derive.optimizer import combined
+from rrrgen.derive.optimizer import combine_programs
 from rrrgen.emit.c.header_comments import prototype
 from rrrgen.emit.c.language import Dialect
 from rrrgen.emit.description import programs_of
@@ -55,7 +55,9 @@ def model(stated: str):
     joint, more = STATED[stated]
     recorded = derive_model(loads_spec(ARM.replace("STATED", joint) + more), tuple(GROUPS))
     programs = {name: variants[0] for name, variants in recorded.alternatives.items()}
-    return recorded.optimized(programs | combined("forward_dynamics", recorded.derivation, programs), ())
+    return recorded.make_derived_model(
+        programs | combine_programs("forward_dynamics", recorded.derivation, programs), ()
+    )
 
 
 def prototypes(stated: str) -> dict[str, str]:

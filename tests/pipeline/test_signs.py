@@ -112,7 +112,7 @@ def test_a_calibrated_robot_keeps_signs_and_link_frames(convention, beta):
     ]
     if beta:
         entries.append(GeometryEntry("row", "beta", 1))
-    moved = geometry.moved(entries, np.full(len(entries), 2e-3))
+    moved = geometry.with_step(entries, np.full(len(entries), 2e-3))
     told = loads_spec(dumps(calibrated_spec(spec, moved, "test")))
     np.testing.assert_allclose(geometry_of(told).forward(q), moved.forward(q), atol=1e-10)
     phi = np.zeros((3, 10))

@@ -165,7 +165,7 @@ def test_identities_hold_for_numbers(numerator, denominator, value):
 
 
 def broken(program: Program, **changes) -> Program:
-    return program.described(**changes)
+    return program.with_fields(**changes)
 
 
 def test_validation_finds_what_the_representation_forbids(recording):

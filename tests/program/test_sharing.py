@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rrrgen.program import Builder, Op, Port, count_operations, evaluate
-from rrrgen.program.sharing import shared
+from rrrgen.program.sharing import share_values
 
 SINES = (Op.SIN, Op.COS)
 
@@ -28,7 +28,7 @@ def observer(b, p, q):
 def test_values_stay_and_sines_move_into_one_function():
     programs = {"law": recorded("law", "qr", law), "observer": recorded("observer", "pq", observer)}
     programs["idle"] = recorded("idle", "pq", lambda b, p, q: [p[0] + q[0]])
-    found = shared(programs, "sines", ("q",), SINES, "Sines.")
+    found = share_values(programs, "sines", ("q",), SINES, "Sines.")
     assert set(found) == {"sines", "law", "observer"}, "what uses none stays"
     assert [port.name for port in found["sines"].inputs] == ["q"]
     assert found["sines"].outputs[0].size == 3, "cos(q1 + q2) once, sin(q1) and sin(q2)"
@@ -44,4 +44,4 @@ def test_values_stay_and_sines_move_into_one_function():
 
 def test_one_program_alone_shares_nothing():
     programs = {"law": recorded("law", "qr", law), "idle": recorded("idle", "pq", lambda b, p, q: [p[0] + q[0]])}
-    assert shared(programs, "sines", ("q",), SINES, "") == {}
+    assert share_values(programs, "sines", ("q",), SINES, "") == {}

@@ -147,7 +147,7 @@ def test_what_the_compiler_refuses_is_shown(cache):
 def test_without_a_compiler_the_message_says_what_to_install(cache, monkeypatch):
     monkeypatch.setenv("PATH", "/nonexistent")
     monkeypatch.delenv("CC", raising=False)
-    monkeypatch.setattr(compiler, "installed", lambda _: False)
+    monkeypatch.setattr(compiler, "is_installed", lambda _: False)
     with pytest.raises(BuildError, match=r"(?s)C compiler.*was not found.*apt install gcc.*backend='numpy'") as caught:
         build_extension(SOURCES, CDEF, "twice")
     assert caught.value.exit_code == 5

@@ -115,9 +115,9 @@ def test_the_order_of_compilers(windows, monkeypatch):
     monkeypatch.setattr(shutil, "which", there("gcc"))
     assert find_compiler().command == ("/bin/gcc",)
     monkeypatch.setattr(shutil, "which", there())
-    monkeypatch.setattr(compiler, "installed", lambda name: name == "ziglang")
+    monkeypatch.setattr(compiler, "is_installed", lambda name: name == "ziglang")
     assert find_compiler().command[1:3] == ("-m", "ziglang")
-    monkeypatch.setattr(compiler, "installed", lambda _: False)
+    monkeypatch.setattr(compiler, "is_installed", lambda _: False)
     with pytest.raises(BuildError, match=r"cl, clang or gcc.*build tools of Visual Studio"):
         find_compiler()
 

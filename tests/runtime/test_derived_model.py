@@ -94,7 +94,7 @@ def test_what_stands_in_the_cache_is_never_run(cache, calls):
 def test_all_that_is_kept_of_a_robot_is_read_back_equal(robot):
     recorded = derive_model(load_spec(robot))
     programs = {name: ways[0] for name, ways in recorded.alternatives.items()}
-    model = recorded.optimized(programs, ())
+    model = recorded.make_derived_model(programs, ())
     kept = {field.name: getattr(model, field.name) for field in dataclasses.fields(model) if field.name != "spec"}
     back = loads(dumps(kept))
     assert back == kept
@@ -130,7 +130,7 @@ def test_the_parts_of_a_model_join_to_the_whole(robot, cache):
     whole, both = derive(spec), derive_once(spec)
     for words, part in ((("model", "at once"), early), (("model", "on demand"), derivatives)):
         derived_model.store(whole, identify(spec), words, functions_for(spec, ("model",), words[1]))
-        assert derive_once(spec, part=words[1]) == derived_model.joined([part], functions_for(spec, ("model",)))
+        assert derive_once(spec, part=words[1]) == derived_model.join_models([part], functions_for(spec, ("model",)))
     assert list(both.programs) == list(whole.programs)
     assert both == whole
     late = {name for name in whole.programs if name.startswith(("inverse_dynamics_deri", "forward_dynamics_deri"))}

@@ -146,11 +146,11 @@ def read_document(text: str, file: str, what: str, read: Callable[[Node, FaultLi
     Raises InputError with every fault that ``read`` reports, and where it returns None for an empty document.
     """
     faults = FaultList(file, text)
-    found = read(parse_document(text, faults), faults)
+    document = read(parse_document(text, faults), faults)
     faults.raise_errors()
-    if found is None:
+    if document is None:
         raise InputError([Fault(file, 0, 0, f"the {what} says nothing")])
-    return found
+    return document
 
 
 def decode(data: bytes, file: str) -> str:

@@ -270,7 +270,7 @@ class Reader:
         entries = read_entries(node, what, self.faults)
         if entries is None:
             return None
-        found: dict[str, Node] = {}
+        values: dict[str, Node] = {}
         for name, (key, value) in entries.items():
             if name not in allowed:
                 hint = self.elsewhere.get(name) or hint_for(name, allowed)
@@ -278,7 +278,7 @@ class Reader:
             elif isinstance(value, ScalarNode) and value.is_null:
                 self.faults.error(key, f"'{name}' has no value")
             else:
-                found[name] = value
+                values[name] = value
         missing = {
             name: entry.meaning.replace("`", "")
             for name, entry in allowed.items()
@@ -289,7 +289,7 @@ class Reader:
             names = ", ".join(f"'{name}'" for name in missing)
             hint = "; ".join(f"{name}: {meaning}" for name, meaning in missing.items())
             self.faults.error(node, f"{what} needs the key{plural} {names}", hint)
-        return found
+        return values
 
     def text(self, node: Node, what: str) -> str:
         """The text of a scalar; a fault and an empty string otherwise."""

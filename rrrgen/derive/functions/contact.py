@@ -55,14 +55,14 @@ def contact(r: FunctionBuilder) -> Program:
         for values, limits in ((estimate, threshold), (change, change_threshold))
     ]
     ratios = [b.select(b.sub(fast, slow), fast, slow) for slow, fast in zip(*pairs, strict=True)]
-    found: Any = 0
+    touches: Any = 0
     for ratio in ratios:
-        found = b.select(b.sub(ratio, 1), 1, found)
+        touches = b.select(b.sub(ratio, 1), 1, touches)
     return b.program(
         "contact",
         [
             (Port("ratio", (r.n,), "1", "", "of each joint: torque or change over its threshold, the larger"), ratios),
-            (Port("touches", (), "1", "", "1 if a ratio exceeds 1, else 0", refused=1), [found]),
+            (Port("touches", (), "1", "", "1 if a ratio exceeds 1, else 0", refused=1), [touches]),
             (
                 Port("change", (r.n,), r.torque_unit, "", "fast part of r, for the next tick", state="change_last"),
                 change,
@@ -188,7 +188,7 @@ def _momentum_and_torques(r: FunctionBuilder, further: tuple[str, ...] = ()) -> 
         r.joints(name)
     inertias, drives = r.inertias(), r.drive_inertia()
     p, transposed = momentum.momentum_and_coriolis_transpose(chain, dq, inertias)
-    laws = RunTimeFriction.declared(r, smooth=True)
+    laws = RunTimeFriction.declare(r, smooth=True)
     friction = laws.torques(dq, composite.gravity(chain, inertias) if laws.has_load else ())
     u = subtract(subtract(transposed, composite.gravity(chain, inertias)), friction)
     return drives.added_to_momentum(p, dq), u

@@ -28,7 +28,7 @@ from typing import Any
 
 from rrrgen.derive.functions.dynamics import Frames, block_frames_first, inverse_dynamics, link_frames_only, torque_port
 from rrrgen.derive.functions.friction import RunTimeFriction
-from rrrgen.derive.functions.operational_space import limited, rotation_error
+from rrrgen.derive.functions.operational_space import limit_torques, rotation_error
 from rrrgen.derive.functions.recording import JOINT_ROLES, FunctionBuilder, Recorder
 from rrrgen.derive.functions.regressors import regressor_transpose
 from rrrgen.derive.recursions import energy_and_momentum as momentum
@@ -79,8 +79,8 @@ def reference_torque(frames: Frames) -> Recorder:
     """
 
     def record_torque(r: FunctionBuilder) -> Program:
-        _declared(r, "q", "dq")
-        (tau,) = along_reference(r, inverse_dynamics(frames), _declared(r, "v", "a"))
+        _declare_joint_vectors(r, "q", "dq")
+        (tau,) = along_reference(r, inverse_dynamics(frames), _declare_joint_vectors(r, "v", "a"))
         return r.builder.program(
             "reference_torque",
             [(torque_port(r, "tau", "joint torques, friction not included"), tau)],
@@ -93,12 +93,12 @@ def reference_torque(frames: Frames) -> Recorder:
 
 def reference_regressor_transpose(r: FunctionBuilder) -> Program:
     """Record r = Y(q, dq, v, a)' e (b,) for tau = Y beta = M a + C(q, dq) v + g."""
-    _declared(r, "q", "dq")
-    (found,) = along_reference(r, regressor_transpose, _declared(r, "v", "a", "e"))
+    _declare_joint_vectors(r, "q", "dq")
+    (product,) = along_reference(r, regressor_transpose, _declare_joint_vectors(r, "v", "a", "e"))
     port = r.beta_port("Y' e", Role.OTHER, "r")
     return r.builder.program(
         "reference_regressor_transpose",
-        [(port, found)],
+        [(port, product)],
         "Transposed regressor of the reference torques times a vector, for adaptive control; Y is never formed.",
         "r = Y(q, dq, v, a)' e,  Y beta = M(q) a + C(q, dq) v + g(q)",
     )
@@ -130,7 +130,7 @@ def along_reference(
     return _derivative(r, program, given, direction)
 
 
-def _declared(r: FunctionBuilder, *names: str) -> dict[Role, Sequence[Value]]:
+def _declare_joint_vectors(r: FunctionBuilder, *names: str) -> dict[Role, Sequence[Value]]:
     """Declare the joint vectors ``names`` as inputs and return them by role."""
     return {JOINT_ROLES[name]: r.joints(name) for name in names}
 
@@ -147,7 +147,7 @@ def _derivative(
         along = direction.get(port.role, [0] * port.size)
         seeds.append([{} if is_zero(value) else {0: value} for value in along])
     values = record(program, r.builder, [given[port.role] for port in program.inputs])
-    return [[found.get(0, 0) for found in row] for row in tangents(program, r.builder, values, seeds)]
+    return [[tangent.get(0, 0) for tangent in row] for row in tangents(program, r.builder, values, seeds)]
 
 
 REFERENCE_TORQUE = (reference_torque(block_frames_first), reference_torque(link_frames_only))
@@ -177,21 +177,21 @@ class _TrackingLaw:
         total = add(elementwise(self.gains["kp"], self.e), elementwise(self.gains["kd"], self.de))
         return add(total, elementwise(self.gains["ki"], self.z))
 
-    def limited(self, tau: Vector) -> tuple[Vector, Vector]:
+    def add_friction_and_limit(self, tau: Vector) -> tuple[Vector, Vector]:
         """Add friction at the desired speed to ``tau`` (n,) and limit the sum; also returns 1 per limited joint.
 
         ``tau`` is the load of friction laws that depend on the load.
         """
-        friction = RunTimeFriction.declared(self.r, smooth=True)
+        friction = RunTimeFriction.declare(self.r, smooth=True)
         tau = add(tau, friction.torques(self.dq_d, tau))
         tau_max = self.r.take("tau_max")
-        return limited(self.r.builder, tau, tau_max)
+        return limit_torques(self.r.builder, tau, tau_max)
 
     def program(self, name: str, tau: Vector, summary: str, formula: str) -> Program:
         """Finish the law ``name``, whose torques before friction and limits are ``tau`` (n,), with integral action."""
         r, b = self.r, self.r.builder
-        unlimited = add(tau, RunTimeFriction.declared(r, smooth=True).torques(self.dq_d, tau))
-        held, at_limit = self.limited(tau)
+        unlimited = add(tau, RunTimeFriction.declare(r, smooth=True).torques(self.dq_d, tau))
+        held, at_limit = self.add_friction_and_limit(tau)
         (Ts,) = r.take("Ts")
         grown = add(self.z, scale(Ts, self.e))
         # the integral stays where the joint is at its limit and the error would drive it further into the limit
@@ -278,7 +278,7 @@ def slotine_li(r: FunctionBuilder) -> Program:
     s = subtract(loop.dq, v)
     reference: dict[Role, Sequence[Value]] = {Role.REFERENCE_VELOCITY: v, Role.REFERENCE_ACCELERATION: a}
     (tau,) = along_reference(r, inverse_dynamics(block_frames_first), reference)
-    held, at_limit = loop.limited(subtract(tau, elementwise(loop.gains["k"], s)))
+    held, at_limit = loop.add_friction_and_limit(subtract(tau, elementwise(loop.gains["k"], s)))
     (slope,) = along_reference(r, regressor_transpose, {**reference, Role.COVECTOR: s})
     gamma = r.take("gamma")
     lower, upper = (r.take(f"beta_{end}") for end in ("min", "max"))
@@ -327,7 +327,7 @@ def impedance(r: FunctionBuilder) -> Program:
     tau = add(times(transpose(J), F), composite.gravity(chain, r.inertias()))
     b = r.builder
     tau_max = r.take("tau_max")
-    held, _ = limited(b, tau, tau_max)
+    held, _ = limit_torques(b, tau, tau_max)
     return b.program(
         "impedance",
         [(torque_port(r, "tau", "torques to apply, within tau_max"), held)],

@@ -136,7 +136,7 @@ def forward_program(
     )
 
 
-def differentiated(r: FunctionBuilder, inverse_dynamics: Program) -> Program:
+def differentiate_inverse_dynamics(r: FunctionBuilder, inverse_dynamics: Program) -> Program:
     """Derive ``inverse_dynamics_derivatives`` by automatic differentiation of a program of inverse dynamics.
 
     Cheaper than the recursion if that program is short.
@@ -145,7 +145,7 @@ def differentiated(r: FunctionBuilder, inverse_dynamics: Program) -> Program:
     if inverse_dynamics.takes(Role.LOOPS):
         return _through_newton(r, jacobian(inverse_dynamics, "tau", ("q", "loop_q", "dq", "ddq")), outputs)
     derivatives = jacobian(inverse_dynamics, "tau", ("q", "dq", "ddq"))
-    return derivatives.described(
+    return derivatives.with_fields(
         name="inverse_dynamics_derivatives", outputs=outputs, summary=SUMMARY, formula=FORMULA, notes=()
     )
 
@@ -200,9 +200,9 @@ def torques_and_derivatives(
     ``composition`` must have been composed with the velocities doubled (factor 2).
     """
     chain = composition.chain
-    found = over_all_joints(composition, dq, ddq, inertias)
-    torques = [joint_force(chain, i, *wrench) for i, wrench in enumerate(found.wrenches)]
-    return chain.forces(torques), chain.form(found.dtau_dq)
+    derivatives = over_all_joints(composition, dq, ddq, inertias)
+    torques = [joint_force(chain, i, *wrench) for i, wrench in enumerate(derivatives.wrenches)]
+    return chain.forces(torques), chain.form(derivatives.dtau_dq)
 
 
 @dataclass(frozen=True)

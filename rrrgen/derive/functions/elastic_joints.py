@@ -18,7 +18,7 @@ from typing import Any
 
 from rrrgen.derive.functions.dynamics import Frames, block_frames_first, link_frames_only, torque_port
 from rrrgen.derive.functions.friction import RunTimeFriction
-from rrrgen.derive.functions.operational_space import limited
+from rrrgen.derive.functions.operational_space import limit_torques
 from rrrgen.derive.functions.recording import FunctionBuilder, Recorder
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
 from rrrgen.derive.recursions import newton_euler
@@ -68,12 +68,17 @@ def along_time(program: Program, motion: Sequence[str]) -> Program:
         rates = values[following[port.name]] if port.name in following else [0] * port.size
         seeds.append([{} if is_zero(rate) else {0: rate} for rate in rates])
     recorded = record(program, builder, given)
-    found = tangents(program, builder, recorded, seeds)[-1]
+    output_tangents = tangents(program, builder, recorded, seeds)[-1]
     outputs: list[tuple[Port, list[Value]]] = [
         (port, [recorded[index] for index in elements])
         for port, elements in zip(program.outputs, program.results, strict=True)
     ]
-    outputs.append((Port(f"d{program.outputs[-1].name}", (len(found),)), [each.get(0, 0) for each in found]))
+    outputs.append(
+        (
+            Port(f"d{program.outputs[-1].name}", (len(output_tangents),)),
+            [tangent.get(0, 0) for tangent in output_tangents],
+        )
+    )
     return builder.program(program.name, outputs)
 
 
@@ -166,7 +171,7 @@ def elastic_forward_dynamics(r: FunctionBuilder) -> Program:
     )
 
 
-def _desired(r: FunctionBuilder) -> list[Vector]:
+def _declare_desired_motion(r: FunctionBuilder) -> list[Vector]:
     """Declare the desired motion of the links as inputs: q_d and its first four time derivatives, (n,) each."""
     motion = [list(r.joints(name)) for name in DESIRED[:3]]
     motion.append(list(r.take("d3q_d")))
@@ -178,10 +183,10 @@ def _law(
     r: FunctionBuilder, name: str, tau: Vector, summary: str, formula: str, notes: Sequence[str], status: Any
 ) -> Program:
     """Finish the control law ``name``: add friction at the desired speed to ``tau``, and limit the torques."""
-    friction = RunTimeFriction.declared(r, smooth=True)
+    friction = RunTimeFriction.declare(r, smooth=True)
     tau = add(tau, friction.torques(r.joints("dq_d"), tau))
     tau_max = r.take("tau_max")
-    held, _ = limited(r.builder, tau, tau_max)
+    held, _ = limit_torques(r.builder, tau, tau_max)
     outputs: list[tuple[Port, list[Any]]] = [(torque_port(r, "tau", "torques to apply, within tau_max"), held)]
     if status is not None:
         outputs.append((Port("status", (), "1"), [status]))
@@ -197,7 +202,7 @@ def elastic_feedforward(r: FunctionBuilder, links: Program) -> Program:
     """
     theta = list(r.take("theta"))
     dtheta = list(r.take("dtheta"))
-    motion = _desired(r)
+    motion = _declare_desired_motion(r)
     kp, kd = r.take("kp"), r.take("kd")
     if r.model.spec.gravity_input:
         r.gravity()
@@ -223,7 +228,7 @@ def elastic_feedback_linearization(r: FunctionBuilder, links: Program) -> Progra
     q, dq = list(r.joints("q")), list(r.joints("dq"))
     theta = list(r.take("theta"))
     dtheta = list(r.take("dtheta"))
-    desired = _desired(r)
+    desired = _declare_desired_motion(r)
     w = list(r.take("w"))
     factors, h = _solver(r, links, q, dq)
     J, K = _rotors(r)
@@ -232,11 +237,11 @@ def elastic_feedback_linearization(r: FunctionBuilder, links: Program) -> Progra
     rest = _link_torques(r, links, [q, dq, ddq, [0] * r.n])[1]
     d3q = factors.solve(subtract(elementwise(K, subtract(dtheta, dq)), rest))
     v = desired[4]
-    for factor, power, wanted, found in zip((1, 4, 6, 4), (4, 3, 2, 1), desired, (q, dq, ddq, d3q), strict=False):
+    for factor, power, wanted, motion in zip((1, 4, 6, 4), (4, 3, 2, 1), desired, (q, dq, ddq, d3q), strict=False):
         gain: Vector = [factor] * r.n
         for _ in range(power):
             gain = elementwise(gain, w)
-        v = add(v, elementwise(gain, subtract(wanted, found)))
+        v = add(v, elementwise(gain, subtract(wanted, motion)))
     torques = _link_torques(r, links, [q, dq, ddq, d3q, v])
     tau = add(elementwise(J, add(ddq, _over(torques[2], K))), elementwise(K, subtract(theta, q)))
     return _law(

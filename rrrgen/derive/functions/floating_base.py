@@ -187,7 +187,7 @@ def mass_matrix(r: FunctionBuilder) -> Program:
     """Record M (6 + n, 6 + n) over the twist of the base and dq; its first six rows give the momentum."""
     M = composite.floating_mass_matrix(r.chain(), r.inertias())
     joints = r.drive_inertia().added_to_mass([row[6:] for row in M[6:]])
-    M = M[:6] + [[*row[:6], *own] for row, own in zip(M[6:], joints, strict=True)]
+    M = M[:6] + [[*row[:6], *joint_row] for row, joint_row in zip(M[6:], joints, strict=True)]
     port = Port("M", (6 + r.n, 6 + r.n), "SI", "", "symmetric mass matrix over [twist; dq], drive inertia included")
     formula = "[p; L] = M(q)[0:6] [twist; dq], linear and angular momentum about the base origin, in base axes"
     return r.builder.program("floating_mass_matrix", [(port, flat(M))], "Mass matrix on a floating base.", formula)

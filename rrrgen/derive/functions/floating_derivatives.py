@@ -52,18 +52,18 @@ def inverse_dynamics_derivatives(r: FunctionBuilder) -> Program:
     dq, ddq, twist = r.joints("dq"), r.joints("ddq"), r.on_base("twist")
     inertias, drives = r.inertias(), r.drive_inertia()
     composition = compose(chain, dq, inertias, TWICE)
-    found = over_all_joints(composition, dq, ddq, inertias)
-    force, moment = found.wrenches[0]
-    tau = chain.forces([joint_force(chain, i, *wrench) for i, wrench in enumerate(found.wrenches)])
+    derivatives = over_all_joints(composition, dq, ddq, inertias)
+    force, moment = derivatives.wrenches[0]
+    tau = chain.forces([joint_force(chain, i, *wrench) for i, wrench in enumerate(derivatives.wrenches)])
     rates, of_rates = composition.forces_of_rates()
     base = _BaseColumns(composition, in_base_axes(r.on_base("orientation"), chain.gravity), twist[:3], twist[3:])
     matrices = [
-        _assembled(composition, base.pose(), found.on_base, found.dtau_dq),
-        _assembled(composition, base.twist(), of_rates, rates),
+        _assemble_blocks(composition, base.pose(), derivatives.on_base, derivatives.dtau_dq),
+        _assemble_blocks(composition, base.twist(), of_rates, rates),
     ]
-    M = _assembled(composition, base.acceleration(), *_unit_accelerations(composition))
+    M = _assemble_blocks(composition, base.acceleration(), *_unit_accelerations(composition))
     joints = drives.added_to_mass([row[6:] for row in M[6:]])
-    matrices.append(M[:6] + [[*row[:6], *own] for row, own in zip(M[6:], joints, strict=True)])
+    matrices.append(M[:6] + [[*row[:6], *joint_row] for row, joint_row in zip(M[6:], joints, strict=True)])
     results = [[*force, *moment], drives.added_to_torques(tau, ddq), *map(flat, matrices), [status_of(r)]]
     ports = _ports(r)
     return r.builder.program(
@@ -98,7 +98,7 @@ def _unit_accelerations(composition: Composition) -> tuple[list[Vector], Matrix]
     return [[*row[0].F, *row[0].N] for row in composition.shifted_wrenches], forces
 
 
-def _assembled(
+def _assemble_blocks(
     composition: Composition, base: tuple[Matrix, list[Vector]], on_base: list[Vector], over_joints: Matrix
 ) -> Matrix:
     """The matrix (6 + n, 6 + n) of its blocks.
@@ -146,7 +146,7 @@ class _BaseColumns:
     def pose(self) -> tuple[Matrix, list[Vector]]:
         """Translation and rotation of the base."""
         wrenches = [[0] * 6] * 3 + [self._linear(cross(axis, self._weight)) for axis in AXES]
-        return wrenches, [[0, 0, 0, *cross(self._weight, each.F)] for each in self._wrenches]
+        return wrenches, [[0, 0, 0, *cross(self._weight, wrench.F)] for wrench in self._wrenches]
 
     def twist(self) -> tuple[Matrix, list[Vector]]:
         """The linear and the angular velocity."""
@@ -160,14 +160,14 @@ class _BaseColumns:
         ]
         torques = [
             [
-                *cross(each.F, self._omega),
-                *add(add(each.W, cross(each.N, self._omega)), cross(self._v, each.F)),
+                *cross(wrench.F, self._omega),
+                *add(add(wrench.W, cross(wrench.N, self._omega)), cross(self._v, wrench.F)),
             ]
-            for each in self._wrenches
+            for wrench in self._wrenches
         ]
         return moved + turned, torques
 
     def acceleration(self) -> tuple[Matrix, list[Vector]]:
         """The rates of the components of the twist."""
         wrenches = [self._linear(axis) for axis in AXES] + [self._angular(axis) for axis in AXES]
-        return wrenches, [[*each.F, *each.N] for each in self._wrenches]
+        return wrenches, [[*wrench.F, *wrench.N] for wrench in self._wrenches]

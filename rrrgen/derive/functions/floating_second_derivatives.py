@@ -30,7 +30,7 @@ from typing import Any
 
 from rrrgen.derive.functions.floating_base import NO_UNIT, STATUS, in_base_axes, status_of
 from rrrgen.derive.functions.recording import FunctionBuilder
-from rrrgen.derive.functions.second_derivatives import cheapest_of, packed
+from rrrgen.derive.functions.second_derivatives import cheapest_of, upper_triangle_indices
 from rrrgen.derive.recursions.linear_algebra import Vector, add, cross, subtract
 from rrrgen.program import Builder, Port, Program, Role, Status, Value
 from rrrgen.program.differentiation import Tangent, is_zero, pull_back, record, tangents
@@ -65,8 +65,8 @@ def weighted_gradient(r: FunctionBuilder, forces: Program) -> Program:
     accelerometer = subtract(add(v_rate, cross(omega, v)), weight)
     known = given | {"gyro": omega, "gyro_rate": omega_rate, "accelerometer": accelerometer}
     inputs = [known[port.name] for port in forces.inputs]
-    found = pull_back(forces, b, record(forces, b, inputs), [weights[:6], weights[6:]])
-    by = {port.name: slopes for port, slopes in zip(forces.inputs, found, strict=True)}
+    gradients = pull_back(forces, b, record(forces, b, inputs), [weights[:6], weights[6:]])
+    by = {port.name: slopes for port, slopes in zip(forces.inputs, gradients, strict=True)}
     F = by["accelerometer"]
     slopes = [
         *cross(weight, F),
@@ -138,10 +138,10 @@ def _hessian(r: FunctionBuilder, gradient: Program) -> Program:
         return r.builder.add(slope, further[j][i]) if j < 3 else slope
 
     results = [
-        [by_pose(i, j) for i, j in packed(moved)],
+        [by_pose(i, j) for i, j in upper_triangle_indices(moved)],
         [slopes[moved + i].get(3 + j, 0) for i in range(size) for j in range(n)],
         [slopes[moved + size + i].get(3 + j, 0) for i in range(size) for j in range(n)],
-        [slopes[moved + i].get(moved + j, 0) for i, j in packed(size)],
+        [slopes[moved + i].get(moved + j, 0) for i, j in upper_triangle_indices(size)],
     ]
     port = Port("gradient", (3 * size,), "SI", "", "d(weights' f) by (x, v, a); the translation's elements are zero")
     ports = [

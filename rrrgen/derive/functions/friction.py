@@ -53,7 +53,7 @@ class Surface:
 
 def friction_of(spec: RobotSpec) -> tuple[Surface, ...]:
     """The joints and coupled motors for which ``spec`` states friction."""
-    found = [
+    surfaces = [
         Surface(joint.name, unit(i, spec.n), joint.friction, unit(i, spec.n))
         for i, joint in enumerate(spec.joints)
         if joint.friction is not None
@@ -63,8 +63,8 @@ def friction_of(spec: RobotSpec) -> tuple[Surface, ...]:
         for k, motor in enumerate(spec.drives.motors):
             if motor.friction is not None:
                 weights, load = (tuple(rational(w) for w in values) for values in (rows.row(k), inverse.col(k)))
-                found.append(Surface(motor.name, weights, motor.friction, load))
-    return tuple(found)
+                surfaces.append(Surface(motor.name, weights, motor.friction, load))
+    return tuple(surfaces)
 
 
 def friction(r: FunctionBuilder) -> Program:
@@ -132,7 +132,7 @@ class RunTimeFriction:
     widths: Sequence[Any] | None
 
     @staticmethod
-    def declared(r: FunctionBuilder, smooth: bool) -> RunTimeFriction:
+    def declare(r: FunctionBuilder, smooth: bool) -> RunTimeFriction:
         """The friction of a function, with its inputs declared: ``friction``, and ``width`` if ``smooth``."""
         surfaces = surfaces_of(r.model.spec)
         names = [name for name, _ in friction_parameters(r.model.spec)]
@@ -159,7 +159,7 @@ class RunTimeFriction:
         def torque(surface: Surface) -> Any:
             ops = b if self.widths is None else _SmoothFunctions(b, self.widths[surfaces.index(surface)])
             at = loads.get(surface, 0)
-            return _given(ops, surface, dot(surface.direction, dq), self.values[surface], at)
+            return _surface_friction(ops, surface, dot(surface.direction, dq), self.values[surface], at)
 
         return _at_joints(self.recording, surfaces, torque)
 
@@ -172,7 +172,7 @@ class RunTimeFriction:
 def friction_with(r: FunctionBuilder) -> Program:
     """Record the friction torques (n,) under the laws of the robot file, with their parameters as an input."""
     dq = r.joints("dq")
-    friction = RunTimeFriction.declared(r, smooth=False)
+    friction = RunTimeFriction.declare(r, smooth=False)
     return r.builder.program(
         "friction_with",
         [(_port(r), friction.torques(dq))],
@@ -188,7 +188,7 @@ def smooth_friction(r: FunctionBuilder) -> Program:
     The parameters of the laws are an input. Meant for controllers and optimisation, which need derivatives.
     """
     dq = r.joints("dq")
-    friction = RunTimeFriction.declared(r, smooth=True)
+    friction = RunTimeFriction.declare(r, smooth=True)
     return r.builder.program(
         "smooth_friction",
         [(_port(r), friction.torques(dq))],
@@ -221,7 +221,7 @@ def friction_parameters(spec: RobotSpec) -> tuple[tuple[str, Fraction], ...]:
     Under a law: its parameters and the offset; otherwise viscous, coulomb, offset. A robot whose file states no
     friction has the linear law at all joints, with zeros.
     """
-    found = []
+    parameters = []
     for surface in surfaces_of(spec):
         given = surface.friction
         if given.law is None:
@@ -230,8 +230,8 @@ def friction_parameters(spec: RobotSpec) -> tuple[tuple[str, Fraction], ...]:
             names = (p.name for p in LAWS[given.law.name].parameters)
             values = dict(zip(names, given.law.values, strict=True))
         values["offset"] = given.offset
-        found += [(f"{surface.name}_{name}", rational_float(value)) for name, value in values.items()]
-    return tuple(found)
+        parameters += [(f"{surface.name}_{name}", rational_float(value)) for name, value in values.items()]
+    return tuple(parameters)
 
 
 def surfaces_of(spec: RobotSpec) -> tuple[Surface, ...]:
@@ -253,15 +253,15 @@ def _loads(r: FunctionBuilder, surfaces: Sequence[Surface], load: Sequence[Any] 
     return {surface: r.builder.abs(dot(surface.load, tau)) for surface in loaded}
 
 
-def _given(ops: Any, surface: Surface, speed: Any, values: Sequence[Any], load: Any) -> Any:
+def _surface_friction(ops: Any, surface: Surface, speed: Any, values: Sequence[Any], load: Any) -> Any:
     """Friction of one joint or motor at its ``speed`` with the parameters ``values``.
 
     ``ops`` provides the functions sign, exp and tanh; ``load`` is the magnitude of the load torque.
     """
-    *own, offset = values
+    *parameters, offset = values
     if surface.law is None:
-        return own[0] * speed + own[1] * ops.sign(speed) + offset
-    return surface.law.torque(ops, speed, surface.law.under_load(own, load)) + offset
+        return parameters[0] * speed + parameters[1] * ops.sign(speed) + offset
+    return surface.law.torque(ops, speed, surface.law.under_load(parameters, load)) + offset
 
 
 def _sliding(r: FunctionBuilder, surface: Surface, speed: Any, load: Any) -> Any:

@@ -147,7 +147,7 @@ def _sines(r: FunctionBuilder, loops: SolvedLoops) -> tuple[list[Value], Value]:
     """The sines between the bars of all dyads, in the order of the file, and their status."""
     b, sines, status = r.builder, [], [(dyad.margin, dyad.discriminant) for dyad in loops.dyads]
     for loop in r.model.spec.loops:
-        dyad = next(each for each in loops.dyads if each.closure.name == loop.name)
+        dyad = next(candidate for candidate in loops.dyads if candidate.closure.name == loop.name)
         squared = b.div(dyad.discriminant, dyad.whole)
         sines.append(b.sqrt(b.select(squared, squared, 0)))
     margin, discriminant = status[0]

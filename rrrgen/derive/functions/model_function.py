@@ -193,8 +193,8 @@ def about_tip(text: str, tip: str) -> str:
     if not text:
         return text
     named = {"its last link": f"the link of the tip {tip}", "the last link": f"the link of the tip {tip}"}
-    found = re.sub(r"\b(its last link|the last link|the tip)\b", lambda m: named.get(m[1], f"the tip {tip}"), text)
-    return f"{text.removesuffix('.')}, at the tip {tip}." if found == text and text.endswith(".") else found
+    wording = re.sub(r"\b(its last link|the last link|the tip)\b", lambda m: named.get(m[1], f"the tip {tip}"), text)
+    return f"{text.removesuffix('.')}, at the tip {tip}." if wording == text and text.endswith(".") else wording
 
 
 class Needs(Enum):

@@ -27,7 +27,7 @@ def quintic(r: FunctionBuilder) -> Program:
     (t,) = r.take("t")
     (T,) = r.take("T")
     ends = {name: r.take(name) for name in ("q_0", "dq_0", "ddq_0", "q_1", "dq_1", "ddq_1")}
-    x = _clamped(b, b.div(t, T))
+    x = _clamp(b, b.div(t, T))
     motion: tuple[list[Value], list[Value], list[Value]] = ([], [], [])
     for i in range(r.n):
         q0, q1 = ends["q_0"][i], ends["q_1"][i]
@@ -50,7 +50,7 @@ def quintic(r: FunctionBuilder) -> Program:
     )
 
 
-def _clamped(b: Builder, x: Value) -> Value:
+def _clamp(b: Builder, x: Value) -> Value:
     """Record ``x`` limited to the range from 0 to 1."""
     return b.select(b.sub(x, 1), 1, b.select(x, x, 0))
 
@@ -100,10 +100,10 @@ def trapezoidal(r: FunctionBuilder) -> Program:
 
 def _largest(b: Builder, values: list[Value]) -> Value:
     """The largest of ``values``."""
-    found = values[0]
+    largest = values[0]
     for value in values[1:]:
-        found = b.select(b.sub(value, found), value, found)
-    return found
+        largest = b.select(b.sub(value, largest), value, largest)
+    return largest
 
 
 # ------------------------------------------------------------------------------------------------------------------

@@ -66,7 +66,7 @@ def rotation_error(R: Matrix, R_d: Matrix) -> Vector:
     return scale(Fraction(1, 2), total)
 
 
-def limited(b: Builder, tau: Sequence[Any], tau_max: Sequence[Any]) -> tuple[Vector, Vector]:
+def limit_torques(b: Builder, tau: Sequence[Any], tau_max: Sequence[Any]) -> tuple[Vector, Vector]:
     """Limit ``tau`` (n,) to +- ``tau_max`` (n,); also returns 1 for every joint that was beyond its limit, else 0."""
     above = [b.sub(b.abs(t), limit) for t, limit in zip(tau, tau_max, strict=True)]
     held = [b.select(over, b.mul(b.sign(t), limit), t) for over, t, limit in zip(above, tau, tau_max, strict=True)]
@@ -149,7 +149,7 @@ def operational_space(task: _ControlledTask) -> Recorder:
         tau = add(add(times(transpose(J), force), add(h, tau_0)), tau_add)
         tau_max = r.take("tau_max")
         (Ts,) = r.take("Ts")
-        held, at_limit = limited(b, tau, tau_max)
+        held, at_limit = limit_torques(b, tau, tau_max)
         rests = b.select(M.status, 1, b.select(delta, 1, 0))
         stuck: Any = rests
         for flag in at_limit:

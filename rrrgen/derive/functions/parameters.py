@@ -42,11 +42,11 @@ def by_regrouping(r: FunctionBuilder, phi: Parameters) -> list[Any]:
     def placement(X: RigidTransform) -> Placement:
         return Placement([[r.constant(X.R[i, j]) for j in range(3)] for i in range(3)], [r.constant(v) for v in X.p])
 
-    found = regroup(r.model, placement, phi)
-    values = {parameter: found[parameter] for parameter in basis.parameters}
+    candidate_values = regroup(r.model, placement, phi)
+    values = {parameter: candidate_values[parameter] for parameter in basis.parameters}
     for dependency in basis.dependencies:
         for keeper, factor in dependency.combination.items():
-            values[keeper] = values[keeper] + r.constant(factor) * found[dependency.parameter]
+            values[keeper] = values[keeper] + r.constant(factor) * candidate_values[dependency.parameter]
     compiler = [values[parameter] for parameter in basis.parameters]
     return compiler if change is None else through(r, change, compiler)
 
@@ -116,9 +116,9 @@ def add_payload_at(project: Projection) -> Recorder:
         T = r.builder.input(Port("frame", (4, 4), "1, m", "last link frame", meaning, Role.PAYLOAD))
         beta = r.builder.input(r.beta_port("base parameters without the payload"))
         R: Matrix = [list(T[4 * i : 4 * i + 3]) for i in range(3)]
-        own = [[inertia[min(i, j)][max(i, j)] for j in range(3)] for i in range(3)]
+        tensor = [[inertia[min(i, j)][max(i, j)] for j in range(3)] for i in range(3)]
         com = add(times(R, com), [T[3], T[7], T[11]])
-        turned = _standard(mass, com, product(product(R, own), transpose(R)))
+        turned = _standard(mass, com, product(product(R, tensor), transpose(R)))
         delta = [*project(r, _at_tip(r, turned)), *[0] * r.drives]
         return r.builder.program(
             "add_payload_at",

@@ -110,7 +110,7 @@ def _point(r: FunctionBuilder, T: Matrix) -> Vector:
 def point_jacobian(r: FunctionBuilder) -> Program:
     """Record the Jacobian J_p (6, n) of a point that is fixed to a frame, from pose and Jacobian of the frame."""
     T, J = _frame_inputs(r)
-    at_point = _shifted(J, _point(r, T))
+    at_point = _shift_jacobian(J, _point(r, T))
     port = Port("J_p", (6, r.n), "m, 1", BASE, "rows 1-3 linear, rows 4-6 angular velocity at the point")
     return r.builder.program(
         "point_jacobian",
@@ -120,7 +120,7 @@ def point_jacobian(r: FunctionBuilder) -> Program:
     )
 
 
-def _shifted(J: Matrix, arm: Vector) -> Matrix:
+def _shift_jacobian(J: Matrix, arm: Vector) -> Matrix:
     """The Jacobian at the end of ``arm`` (3,), a vector from the origin of the frame of ``J``."""
     columns = [[row[k] for row in J] for k in range(len(J[0]))]
     moved = [[*add(column[:3], cross(column[3:], arm)), *column[3:]] for column in columns]
@@ -174,7 +174,7 @@ def tool_kinematics(r: FunctionBuilder) -> Program:
         "tool_kinematics",
         [
             (pose_port(), flat(kinematics.homogeneous(pose))),
-            (jacobian_port(r), flat(_shifted(J, subtract(pose.p, flange.p)))),
+            (jacobian_port(r), flat(_shift_jacobian(J, subtract(pose.p, flange.p)))),
         ],
         "Pose and Jacobian of a tool that is chosen at run time.",
         "T = T_base A_1(q_1) ... A_n(q_n) tool",

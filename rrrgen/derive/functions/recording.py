@@ -212,8 +212,8 @@ class FunctionBuilder:
 
     def port(self, name: str, *shape: int) -> Port:
         """The port of the input ``name`` of the function, as the table states it."""
-        own = {quantity.name: quantity for quantity in self.function.arguments} if self.function else {}
-        quantity = own.get(name) or QUANTITIES[name]
+        arguments = {quantity.name: quantity for quantity in self.function.arguments} if self.function else {}
+        quantity = arguments.get(name) or QUANTITIES[name]
         n, b = self.n, len(self.parametrization.names) + self.drives
         sizes = {"n": n, "3n": 3 * n, "6+n": 6 + n, "3(6+n)": 3 * (6 + n), "b": b}
         shape = shape or tuple(sizes[size] if size in sizes else int(size) for size in quantity.shape.split())

@@ -111,7 +111,7 @@ def standard_regressor(r: FunctionBuilder) -> Program:
     for i, X in enumerate(chain.link_frames):
         entries = canonical[len(STANDARD) * i : len(STANDARD) * (i + 1)]
         for k in range(len(STANDARD)):
-            factors = from_standard([int(k == m) for m in range(len(STANDARD))]).moved(X).entries()
+            factors = from_standard([int(k == m) for m in range(len(STANDARD))]).transform(X).entries()
             columns.append([dot(factors, values) for values in zip(*entries, strict=True)])
     columns += inertia_columns(r.model.spec, ddq)
     rows = [[column[j] for column in columns] for j in range(r.n)]

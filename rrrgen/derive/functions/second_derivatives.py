@@ -46,7 +46,7 @@ SHORT = 115
 """Operations of inverse dynamics up to which the gradient is also made from the first derivatives of the torques."""
 
 
-def packed(n: int) -> list[tuple[int, int]]:
+def upper_triangle_indices(n: int) -> list[tuple[int, int]]:
     """Row and column of each element of a symmetric matrix (n, n) that is stored as its upper triangle, row by row."""
     return [(i, j) for i in range(n) for j in range(i, n)]
 
@@ -59,18 +59,18 @@ def packed(n: int) -> list[tuple[int, int]]:
 def mass_matrix_derivatives(r: FunctionBuilder, mass: Program) -> Program:
     """Derive dM/dq (n, n, n) from a program of the mass matrix, along every joint, or by a recursion."""
 
-    def finished(builder: Builder, slopes: Sequence[Value]) -> Program:
+    def finish(builder: Builder, slopes: Sequence[Value]) -> Program:
         port = Port("dM_dq", (r.n, r.n, r.n), "SI", "", "d M_ij / d q_k at [i][j][k], symmetric in i and j")
         summary = "Derivatives of the mass matrix, drive inertia included, with respect to the joint positions."
         return builder.program("mass_matrix_derivatives", [(port, slopes)], summary, "dM_ij/dq_k")
 
     b, inputs = _with_inputs_of(mass)
     (M,) = _along(mass, b, inputs, record(mass, b, inputs), STATE[:1])
-    ways = [finished(b, [element.get(k, 0) for element in M for k in range(r.n)])]
+    ways = [finish(b, [element.get(k, 0) for element in M for k in range(r.n)])]
     if mass.takes(Role.BASE_PARAMETERS) and (chain := r.chain()).loops is None:
         slopes = recursion.mass_matrix_derivatives(chain, r.inertias())
         columns = [D[i][j] for i in range(r.n) for j in range(r.n) for D in slopes]
-        ways.append(finished(r.builder, columns))
+        ways.append(finish(r.builder, columns))
     share = ShareEqualValues(sums=True)
     return cheapest_of(*ways, *(share(way) for way in ways))
 
@@ -123,8 +123,8 @@ def _gradients(r: FunctionBuilder, torques: Program) -> list[Program]:
     """Optimized programs of the gradient (3 n) of ``weights' tau`` with respect to q, dq and ddq, to start from."""
     b, inputs = _with_inputs_of(torques)
     weights = b.input(r.port("weights"))
-    found = pull_back(torques, b, record(torques, b, inputs), [weights])
-    by_role = {port.role: row for port, row in zip(torques.inputs, found, strict=True)}
+    gradients = pull_back(torques, b, record(torques, b, inputs), [weights])
+    by_role = {port.role: row for port, row in zip(torques.inputs, gradients, strict=True)}
     ways = [_gradient(r, b, [value for role in STATE for value in by_role[role]])]
     if count_operations(torques).total <= SHORT:
         names = [next(port.name for port in torques.inputs if port.role is role) for role in STATE]
@@ -150,10 +150,10 @@ def _hessian(r: FunctionBuilder, gradient: Program) -> Program:
     (slopes,) = _along(gradient, b, inputs, values, STATE[:2])
     full = [(i, j) for i in range(n) for j in range(n)]
     results = [
-        [slopes[i].get(j, 0) for i, j in packed(n)],
+        [slopes[i].get(j, 0) for i, j in upper_triangle_indices(n)],
         [slopes[n + i].get(j, 0) for i, j in full],
         [slopes[2 * n + i].get(j, 0) for i, j in full],
-        [slopes[n + j].get(n + i, 0) for i, j in packed(n)],
+        [slopes[n + j].get(n + i, 0) for i, j in upper_triangle_indices(n)],
     ]
     first = [values[index] for index in gradient.results[0]]
     return b.program(
@@ -209,7 +209,7 @@ def forward_dynamics_hessian(r: FunctionBuilder, hessian: Program, derivatives: 
 
     turned = times(Zq)
     negative = [
-        [h + turned[i][j] + turned[j][i] for h, (i, j) in zip(qq, packed(n), strict=True)],
+        [h + turned[i][j] + turned[j][i] for h, (i, j) in zip(qq, upper_triangle_indices(n), strict=True)],
         [h + z for h, z in zip(vq, flat(times(Zv)), strict=True)],
         flat(times(Zt)),
         vv,

@@ -221,7 +221,7 @@ TABLE = (
         takes="q dq ddq beta * Ia gravity",
         returns="The named tuple (tau, dtau_dq, dtau_dv, M): (..., n), then three times (..., n, n), in SI units.",
         record=f"{DERIVATIVES}:inverse_dynamics_derivatives",
-        combine=f"{DERIVATIVES}:differentiated",
+        combine=f"{DERIVATIVES}:differentiate_inverse_dynamics",
         of=("inverse_dynamics",),
         result="InverseDynamicsDerivatives",
         on_demand=True,
@@ -1375,12 +1375,12 @@ def find(name: str) -> ModelFunction | None:
     return None
 
 
-def named(name: str) -> ModelFunction:
+def get_function(name: str) -> ModelFunction:
     """The model function ``name``, as :func:`find` does; KeyError where there is none."""
-    found = find(name)
-    if found is None:
+    function = find(name)
+    if function is None:
         raise KeyError(name)
-    return found
+    return function
 
 
 GROUPS = {
@@ -1508,7 +1508,7 @@ def with_sources(functions: Sequence[ModelFunction]) -> tuple[ModelFunction, ...
     return (*(f for f in TABLE if f in needed and f not in functions), *functions)
 
 
-def ordered(program: Program) -> Program:
+def order_inputs(program: Program) -> Program:
     """The same ``program`` with its inputs in the order of the table.
 
     It is the same in all languages: what the caller must give, then gravity, then what the robot file can give.
@@ -1529,13 +1529,13 @@ def ordered(program: Program) -> Program:
         node._replace(value=(now[node.place[0]], node.place[1])) if node.op is Op.INPUT else node
         for node in program.nodes
     ]
-    return program.described(inputs=tuple(program.inputs[k] for k in order), nodes=tuple(nodes))
+    return program.with_fields(inputs=tuple(program.inputs[k] for k in order), nodes=tuple(nodes))
 
 
 @cache
 def recorders(name: str) -> tuple[Recorder, ...]:
     """The recorders of the function ``name``; none for a function that is combined from programs of others."""
-    function = named(name)
+    function = get_function(name)
     loaded = _load(function.record)
     every: tuple[Recorder, ...] = loaded if isinstance(loaded, tuple) else (loaded,)
     return tuple(partial(_record, function, recorder) for recorder in every)
@@ -1544,20 +1544,20 @@ def recorders(name: str) -> tuple[Recorder, ...]:
 def _record(function: ModelFunction, recorder: Recorder, recording: FunctionBuilder) -> Program:
     recording.function = function
     if not function.tip:
-        return ordered(recorder(recording))
+        return order_inputs(recorder(recording))
     recording.model = recording.model.at_tip(function.tip)
-    program, about = ordered(recorder(recording)), partial(about_tip, tip=function.tip)
+    program, about = order_inputs(recorder(recording)), partial(about_tip, tip=function.tip)
     inputs, outputs = (
         tuple(replace(port, meaning=about(port.meaning), frame=about(port.frame)) for port in ports)
         for ports in (program.inputs, program.outputs)
     )
-    return program.described(name=function.name, summary=about(program.summary), inputs=inputs, outputs=outputs)
+    return program.with_fields(name=function.name, summary=about(program.summary), inputs=inputs, outputs=outputs)
 
 
 def combine(name: str, recording: FunctionBuilder, programs: Sequence[Program]) -> Program:
     """Record a program of the function ``name`` from ``programs`` of the functions that it is made ``of``."""
-    recording.function = named(name)
-    return ordered(_load(recording.function.combine)(recording, *programs))
+    recording.function = get_function(name)
+    return order_inputs(_load(recording.function.combine)(recording, *programs))
 
 
 def _load(reference: str) -> Any:

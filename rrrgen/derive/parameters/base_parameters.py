@@ -376,7 +376,7 @@ def standard_symbols(n: int) -> list[sp.Symbol]:
 
 def linear_expression(row: Sequence[sp.Expr], symbols: Sequence[sp.Symbol]) -> sp.Expr:
     """The linear expression ``sum of row[k] * symbols[k]``, with factored coefficients."""
-    return sp.Add(*(factored(c) * s for c, s in zip(row, symbols, strict=True) if c != 0))
+    return sp.Add(*(factor_coefficient(c) * s for c, s in zip(row, symbols, strict=True) if c != 0))
 
 
 MOST_TERMS = 40
@@ -386,7 +386,7 @@ robot has sums of more than three."""
 
 
 @lru_cache(maxsize=4096)  # lists of parameters factor each coefficient several times
-def factored(coefficient: sp.Expr) -> sp.Expr:
+def factor_coefficient(coefficient: sp.Expr) -> sp.Expr:
     """The factored form of ``coefficient``; a sum of more than :data:`MOST_TERMS` terms stays as it is."""
     return coefficient if coefficient.is_Add and len(coefficient.args) > MOST_TERMS else sp.factor(coefficient)
 
@@ -488,16 +488,16 @@ def regroup(
     carried: dict[int, PseudoInertia] = {}
     for i in reversed(range(model.links)):
         joint = model.joints[i]
-        J = from_standard(list(phi[i])).moved(placement(model.link_frames[i])).plus(carried.get(i, PseudoInertia()))
+        J = from_standard(list(phi[i])).transform(placement(model.link_frames[i])).plus(carried.get(i, PseudoInertia()))
         values |= {(i, entry): getattr(J, entry) for entry in candidate_entries(model, i)}
         if joint.parent < 0 and model.spec.floating_base:
             continue
         X = placement(joint.before)
         if joint.revolute:
-            moved = PseudoInertia(Jzz=J.Jzz, hz=J.hz, m=J.m).moved(X)
+            moved = PseudoInertia(Jzz=J.Jzz, hz=J.hz, m=J.m).transform(X)
         else:
             second = PseudoInertia(Jxx=J.Jxx, Jxy=J.Jxy, Jxz=J.Jxz, Jyy=J.Jyy, Jyz=J.Jyz, Jzz=J.Jzz)
-            moved = second.moved(Placement(X.R, [0, 0, 0]))
+            moved = second.transform(Placement(X.R, [0, 0, 0]))
         carried[joint.parent] = moved if joint.parent not in carried else carried[joint.parent].plus(moved)
     return values
 
@@ -509,7 +509,7 @@ def _lift(model: RobotModel, ring: PolynomialRing, kept: list[Parameter]) -> tup
         X = exact_placement(ring, model.link_frames[i])
         Rt = [[X.R[c][r] for c in range(3)] for r in range(3)]
         back = [sum((-Rt[r][c] * X.p[c] for c in range(3)), 0) for r in range(3)]
-        J = PseudoInertia(**{entry: 1}).moved(Placement(Rt, back))
+        J = PseudoInertia(**{entry: 1}).transform(Placement(Rt, back))
         phi = [
             J.m, J.hx, J.hy, J.hz, J.Jyy + J.Jzz, -J.Jxy, J.Jxx + J.Jzz, -J.Jxz, -J.Jyz, J.Jxx + J.Jyy,
         ]  # fmt: skip
@@ -550,7 +550,7 @@ def _alone(name: str, names: Sequence[str], projection: Sequence[Sequence[sp.Exp
 
 
 def _times(factor: sp.Expr, symbol: sp.Symbol) -> str:
-    return str((factored(factor) if factor.is_Add else factor) * symbol)
+    return str((factor_coefficient(factor) if factor.is_Add else factor) * symbol)
 
 
 def _leading_parallel(model: RobotModel, link: int) -> bool:

@@ -87,21 +87,23 @@ def loop_dependencies(model: RobotModel, candidates: list[Parameter], rows: Rows
     dependent = [column for column in range(len(candidates)) if column not in pivots]
     with mpmath.workdps(PRECISE):
         random = Random(seed)
-        values = _solved(model, kept, [candidates[column] for column in dependent], random)
+        values = _solve_for_factors(model, kept, [candidates[column] for column in dependent], random)
         roots = list(_roots(model))
-        found, decimal = [], []
-        for column, own in zip(dependent, values, strict=True):
+        dependencies, decimal = [], []
+        for column, coefficients in zip(dependent, values, strict=True):
             images = [row[column] for row in echelon]
             factors = {
-                k: _factor(value, image, roots) for k, value, image in zip(kept, own, images, strict=True) if image
+                k: _factor(value, image, roots)
+                for k, value, image in zip(kept, coefficients, images, strict=True)
+                if image
             }
-            found.append(Dependency(candidates[column], {k: factor for k, (factor, _) in factors.items()}))
+            dependencies.append(Dependency(candidates[column], {k: factor for k, (factor, _) in factors.items()}))
             if not all(exact for _, exact in factors.values()):
-                decimal.append(found[-1])
+                decimal.append(dependencies[-1])
         _confirm_decimals(candidates, decimal, partial(_regressor, model, random))
-    exact = [each for each in found if each not in decimal]
+    exact = [dependency for dependency in dependencies if dependency not in decimal]
     _confirm_exactly(candidates, exact, rows(candidates, seed + 1, FURTHER_STATES))
-    return found
+    return dependencies
 
 
 def numerical_dependencies(model: RobotModel, candidates: list[Parameter], seed: int) -> list[Dependency]:
@@ -132,18 +134,18 @@ def numerical_dependencies(model: RobotModel, candidates: list[Parameter], seed:
         kept = [candidates[column] for column in places]
         A = mpmath.matrix([[row[column] for column in places] for row in rows])
         inverse = mpmath.inverse(A.T * A) if kept else None
-        found = []
+        dependencies = []
         for column in dependent:
             factors: dict[Parameter, sp.Expr] = {}
             if inverse is not None:
                 solution = inverse * (A.T * mpmath.matrix([row[column] for row in rows]))
-                factors = {k: _rounded(v) for k, v in zip(kept, solution, strict=True) if abs(v) > DEPENDENT}
-            found.append(Dependency(candidates[column], factors))
-        _confirm_decimals(candidates, found, walk.rows)
-    return found
+                factors = {k: _round_to_rational(v) for k, v in zip(kept, solution, strict=True) if abs(v) > DEPENDENT}
+            dependencies.append(Dependency(candidates[column], factors))
+        _confirm_decimals(candidates, dependencies, walk.rows)
+    return dependencies
 
 
-def _rounded(value: Any) -> sp.Expr:
+def _round_to_rational(value: Any) -> sp.Expr:
     """The fraction of few digits that ``value`` is, or its first 40 digits."""
     fraction = _exact(value).limit_denominator(SMALL_DENOMINATOR)
     if abs(value - mpmath.mpf(fraction.numerator) / fraction.denominator) < SAME * (1 + abs(value)):
@@ -159,8 +161,8 @@ class _DriveWalk:
         self._at, self._passive = list(self._loops.drives), self._loops.start
         limits = [joint.limits for joint in model.spec.joints]
         self._ends = [
-            (-REACH if each.lower is None else each.lower, REACH if each.upper is None else each.upper)
-            for each in limits
+            (-REACH if limit.lower is None else limit.lower, REACH if limit.upper is None else limit.upper)
+            for limit in limits
         ]
 
     def rows(self, columns: list[Parameter]) -> list[list[Any]]:
@@ -181,7 +183,7 @@ class _DriveWalk:
             moved = [x + self._random.uniform(-STROLL, STROLL) for x in self._at]
             target = [min(max(x, low), high) for x, (low, high) in zip(moved, self._ends, strict=True)]
             parts = parts_of(max(abs(x - y) for x, y in zip(target, self._at, strict=True)))
-            passive = self._loops.moved(target, self._passive, self._at, parts)
+            passive = self._loops.follow(target, self._passive, self._at, parts)
             loops = self._loops.loops([*target, *passive])
             same_side = loops.sine * self._loops.loops([*self._at, *self._passive]).sine > 0
             if same_side and loops.sine**2 > CLEAR and self._loops.gap(target, passive) < 1e-9:
@@ -191,7 +193,9 @@ class _DriveWalk:
         raise DerivationError(f"{self._model.spec.name}: {names} cannot leave their start without passing a dead point")
 
 
-def _solved(model: RobotModel, kept: list[Parameter], dependent: list[Parameter], random: Random) -> list[list[Any]]:
+def _solve_for_factors(
+    model: RobotModel, kept: list[Parameter], dependent: list[Parameter], random: Random
+) -> list[list[Any]]:
     """For each of the columns ``dependent`` the factors of the columns ``kept``, from states at random."""
     count = len(kept)
     if not count:
@@ -206,7 +210,7 @@ def _solved(model: RobotModel, kept: list[Parameter], dependent: list[Parameter]
 
 def _regressor(model: RobotModel, random: Random, columns: list[Parameter]) -> list[list[Any]]:
     """Rows of the regressor at a random state at which all loops are assembled, away from their dead points."""
-    chain = _assembled(model, random)
+    chain = _assemble_at_random(model, random)
     dq, ddq = ([mpmath.mpf(random.uniform(-1, 1)) for _ in range(model.n)] for _ in range(2))
     return regressor(chain, dq, ddq, columns)
 
@@ -237,14 +241,14 @@ def _exact(value: Any) -> Fraction:
     return Fraction(-int(mantissa) if sign else int(mantissa)) * Fraction(2) ** int(exponent)
 
 
-def _confirm_exactly(candidates: list[Parameter], found: list[Dependency], rows: list[list[int]]) -> None:
-    """Raise InternalError unless every relation in ``found`` also holds at states that were not used to find it.
+def _confirm_exactly(candidates: list[Parameter], dependencies: list[Dependency], rows: list[list[int]]) -> None:
+    """Raise InternalError unless every relation in ``dependencies`` also holds at states that were not used to find it.
 
     ``rows`` are those of the regressor at such states in the finite field, with a column for each of ``candidates``.
     """
     constants = ResidueConstants(0)
     place = {parameter: k for k, parameter in enumerate(candidates)}
-    for dependency in found:
+    for dependency in dependencies:
         images = {place[k]: Residue.of(constants(v)) for k, v in dependency.combination.items()}
         for row in rows:
             rest = Residue(row[place[dependency.parameter]]) - sum((f * row[k] for k, f in images.items()), Residue(0))
@@ -253,28 +257,28 @@ def _confirm_exactly(candidates: list[Parameter], found: list[Dependency], rows:
 
 
 def _confirm_decimals(
-    candidates: list[Parameter], found: list[Dependency], rows: Callable[[list[Parameter]], list[list[Any]]]
+    candidates: list[Parameter], dependencies: list[Dependency], rows: Callable[[list[Parameter]], list[list[Any]]]
 ) -> None:
     """Raise InternalError unless every relation holds at states that were not used to find it, in 60 digits.
 
     ``rows`` gives those of some columns of the regressor at a further state.
     """
     place = {parameter: k for k, parameter in enumerate(candidates)}
-    for _ in range(FURTHER_STATES if found else 0):
+    for _ in range(FURTHER_STATES if dependencies else 0):
         for row in rows(candidates):
-            for dependency in found:
+            for dependency in dependencies:
                 factors = {place[k]: mpmath.mpf(v.evalf(PRECISE)) for k, v in dependency.combination.items()}
                 rest = row[place[dependency.parameter]] - sum(row[k] * v for k, v in factors.items())
                 if abs(rest) > SAME * (1 + max(map(abs, row))):
                     raise InternalError(f"a relation found for {dependency.parameter} does not hold in general")
 
 
-def _assembled(model: RobotModel, random: Random) -> Chain:
+def _assemble_at_random(model: RobotModel, random: Random) -> Chain:
     """The chain at random positions at which all loops are assembled, away from their dead points."""
     lower, upper = ([getattr(joint.limits, end) for joint in model.spec.joints] for end in ("lower", "upper"))
     ends = [(-REACH if a is None else a, REACH if b is None else b) for a, b in zip(lower, upper, strict=True)]
     for _ in range(DRAWS):
-        chain = precise_chain(model, [mpmath.mpf(random.uniform(*each)) for each in ends])
+        chain = precise_chain(model, [mpmath.mpf(random.uniform(*interval)) for interval in ends])
         if chain.loops is not None and all(dyad.margin > dyad.whole * CLEAR for dyad in chain.loops.dyads):
             return chain
     names = ", ".join(loop.name for loop in model.spec.loops)

@@ -110,10 +110,10 @@ def with_physical_links(spec: RobotSpec, beta: Mapping[str, float] | None) -> tu
     K = np.array(model.base_projection, dtype=float)
     names = [parameter.name for parameter in model.base_parameters]
     values = K @ phi.ravel() if beta is None else _values(beta, names)
-    found = _bodies(K, values, default_prior(replace(spec, links=None), TYPICAL_TORQUE).P0)
+    bodies = _bodies(K, values, default_prior(replace(spec, links=None), TYPICAL_TORQUE).P0)
     reason = "links that are no bodies have been replaced by" if beta is None else "the base parameters were given to"
     note = f"{reason} bodies with the same {len(names)} base parameters, hence the same dynamics"
-    return replace(spec, links=tuple(link_of(row) for row in found)), (note,)
+    return replace(spec, links=tuple(link_of(row) for row in bodies)), (note,)
 
 
 def _are_bodies(P: Array) -> bool:
@@ -154,7 +154,7 @@ def _bodies(K: Array, beta: Array, P0: Array) -> Array:
         warnings.simplefilter("ignore")  # of an inaccurate solution, which is checked below
         cp.Problem(cp.Maximize(value)).solve(solver=cp.CLARABEL)
     if x.value is not None and np.all(np.isfinite(x.value)):
-        found = np.asarray(start + null @ x.value).reshape(n, 10)
-        if _are_bodies(pseudo_inertia(found)):
-            return found
+        bodies = np.asarray(start + null @ x.value).reshape(n, 10)
+        if _are_bodies(pseudo_inertia(bodies)):
+            return bodies
     raise DerivationError("no rigid bodies have these base parameters: some inertia would have to be negative")

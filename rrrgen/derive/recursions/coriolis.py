@@ -80,13 +80,13 @@ class BodyDyad:
     h: Vector
     m: Any
 
-    def shifted(self, p: Vector, rate: Vector) -> BodyDyad:
+    def shift(self, p: Vector, rate: Vector) -> BodyDyad:
         """The dyad about a new origin; ``p`` is the vector from there to the present one, ``rate`` its velocity."""
         h = add(self.h, scale(self.m, p))
         A = [[self.A[r][c] + self.P[r] * p[c] + rate[r] * h[c] for c in range(3)] for r in range(3)]
         return BodyDyad(A, add(self.P, scale(self.m, rate)), h, self.m)
 
-    def rotated(self, R: Matrix) -> BodyDyad:
+    def rotate(self, R: Matrix) -> BodyDyad:
         """The dyad in another frame; ``R`` (3, 3) is the orientation of the present frame in that one."""
         return BodyDyad(product(product(R, self.A), transpose(R)), times(R, self.P), times(R, self.h), self.m)
 
@@ -202,7 +202,7 @@ class Composition:
         rates = [
             scale(self.factor, self.chain.joint_second_rates(self.dq, [int(j == k) for j in columns])) for k in columns
         ]
-        added = [self.chain.forces([dot(row, each) for row in M]) for each in rates]
+        added = [self.chain.forces([dot(row, rate) for row in M]) for rate in rates]
         return [[C[i][k] + added[k][i] for k in columns] for i in columns]
 
 
@@ -295,15 +295,15 @@ def _dyads(
             total = _link_dyad(J.rotated_z(joint.c, joint.s), omega)
         for k in chain.children[i]:
             if k not in new_blocks:
-                total = total.plus(result[k].shifted(joint_offsets[k].p, joint_offsets[k].rate))
+                total = total.plus(result[k].shift(joint_offsets[k].p, joint_offsets[k].rate))
         result[i] = total
     return [result[i] for i in range(chain.n)]
 
 
 def _at_link_before(joint: ChainJoint, dyad: BodyDyad, joint_offset: JointOffset) -> BodyDyad:
     """The dyad of the first joint of a block, moved to the origin and frame of the previous link."""
-    at_foot = dyad if joint.revolute else dyad.shifted(joint_offset.slide, joint_offset.slide_rate)
-    return at_foot.rotated(joint.R).shifted(joint_offset.p, joint_offset.rate)
+    at_foot = dyad if joint.revolute else dyad.shift(joint_offset.slide, joint_offset.slide_rate)
+    return at_foot.rotate(joint.R).shift(joint_offset.p, joint_offset.rate)
 
 
 def _link_dyad(J: PseudoInertia, omega: Vector) -> BodyDyad:

@@ -62,11 +62,11 @@ def momentum_and_coriolis_transpose(
             P, L = step_down(chain, i, P, L)
             before = beyond[joint.parent]
             beyond[joint.parent] = add(before[0], P), add(before[1], L)
-    own = chain.forces(result)
+    gradient = chain.forces(result)
     if chain.loops is not None:  # the gradient of the kinetic energy through dW/dq
         turning = (chain.joint_second_rates(dq, [int(j == k) for j in range(len(dq))]) for k in range(len(dq)))
-        own = [value + dot(momentum, rates) for value, rates in zip(own, turning, strict=True)]
-    return chain.forces(momentum), own
+        gradient = [value + dot(momentum, rates) for value, rates in zip(gradient, turning, strict=True)]
+    return chain.forces(momentum), gradient
 
 
 def floating_momentum(

@@ -31,11 +31,11 @@ def block_turnings(model: RobotModel) -> list[Turning]:
     A block is a run of joints with parallel axes, so the angles of its revolute joints add up. Returns for each joint
     the pairs (index k, factor of q_k) of that sum.
     """
-    found: list[Turning] = []
+    turnings: list[Turning] = []
     for i, joint in enumerate(model.joints):
-        before = found[joint.parent] if joint.parallel else ()
-        found.append(_sum(before, displacement(model, i)) if joint.revolute else before)
-    return found
+        before = turnings[joint.parent] if joint.parallel else ()
+        turnings.append(_sum(before, displacement(model, i)) if joint.revolute else before)
+    return turnings
 
 
 def displacement(model: RobotModel, i: int) -> Turning:
@@ -62,7 +62,7 @@ class UnitAngles:
             return
         self.count = 0
         factors = {(k, _fraction(f)) for turning in block_turnings(model) for k, f in turning if k < model.n}
-        for k, factor in sorted(factors, key=lambda each: (each[0], each[1].denominator, abs(each[1]), each[1])):
+        for k, factor in sorted(factors, key=lambda pair: (pair[0], pair[1].denominator, abs(pair[1]), pair[1])):
             units = self._units[k]
             for j, (unit, place) in enumerate(units):
                 ratio = factor / unit
@@ -79,7 +79,7 @@ class UnitAngles:
 
         ``factors`` holds pairs (index k, factor of q_k).
         """
-        unit = next(unit for unit, own in self._units[k] if own == place)
+        unit = next(unit for unit, number in self._units[k] if number == place)
         return [f for j, f in factors if j == k and (f / unit).denominator == 1 and abs(f / unit) <= LARGEST_MULTIPLE]
 
     def angle(self, turning: Turning, unit: Callable[[int], tuple[Any, Any]]) -> tuple[Any, Any]:

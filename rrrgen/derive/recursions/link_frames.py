@@ -111,10 +111,10 @@ class Chain:
     @cached_property
     def paths(self) -> tuple[tuple[int, ...], ...]:
         """For each link, the joints that move it, from the base to its own."""
-        found: list[tuple[int, ...]] = []
+        paths: list[tuple[int, ...]] = []
         for i, joint in enumerate(self.joints):
-            found.append((*(found[joint.parent] if joint.parent >= 0 else ()), i))
-        return tuple(found)
+            paths.append((*(paths[joint.parent] if joint.parent >= 0 else ()), i))
+        return tuple(paths)
 
     def joint_rates(self, rates: Sequence[Any]) -> Sequence[Any]:
         """``S rates``: the rates of all joints (n,) from the rates of q."""
@@ -324,7 +324,7 @@ def program_chain(
     ``constant`` converts exact constants; ``gravity`` (3,), m/s^2, replaces that of the robot file.
     """
 
-    trig, arithmetic = _recorded(builder, constant, q)
+    trig, arithmetic = _recording_arithmetic(builder, constant, q)
     return build_chain(model, constant, trig, q, gravity, arithmetic)
 
 
@@ -332,11 +332,13 @@ def program_loops(
     model: RobotModel, builder: Builder, constant: Callable[[sp.Expr], Value], positions: Sequence[Any]
 ) -> NewtonLoops:
     """The loops that Newton's method solves, recorded into ``builder`` at ``positions`` (n + p,)."""
-    trig, arithmetic = _recorded(builder, constant, positions)
+    trig, arithmetic = _recording_arithmetic(builder, constant, positions)
     return newton_loops(model, trig, positions, arithmetic)
 
 
-def _recorded(builder: Builder, constant: Callable[[sp.Expr], Value], q: Sequence[Any]) -> tuple[Trig, Arithmetic]:
+def _recording_arithmetic(
+    builder: Builder, constant: Callable[[sp.Expr], Value], q: Sequence[Any]
+) -> tuple[Trig, Arithmetic]:
     """Sines of sums of the positions ``q``, and what loops need, recorded into ``builder``."""
 
     def trig(turning: Turning, angle: sp.Expr) -> tuple[Any, Any]:

@@ -64,7 +64,7 @@ class LoopClosure:
             for lower, upper in ((joint.limits.lower, joint.limits.upper) for joint in model.spec.joints)
         ]
         self._names = ", ".join(loop.name for loop in model.spec.loops)
-        self.start = self._assembled()
+        self.start = self._assemble()
 
     def _constant(self, expression: sp.Expr) -> float:
         if expression not in self._constants:
@@ -83,7 +83,7 @@ class LoopClosure:
 
         return newton_loops(self._model, trig, positions, Arithmetic(self._constant, use.root, use.at_least))
 
-    def _assembled(self) -> list[float]:
+    def _assemble(self) -> list[float]:
         spec = self._model.spec
         x = [self._constant(v) for loop in spec.loops for v in loop.start or ()]
         for _ in range(ROUGH_STEPS):
@@ -104,7 +104,7 @@ class LoopClosure:
             raise DerivationError(f"{spec.name}: no drive moves the passive joints of {self._names} at their start")
         return x
 
-    def moved(self, q: Sequence[Any], last: Sequence[Any], q_last: Sequence[Any], parts: int) -> list[Any]:
+    def follow(self, q: Sequence[Any], last: Sequence[Any], q_last: Sequence[Any], parts: int) -> list[Any]:
         """Follow the passive joints from ``last`` (p,) at ``q_last`` to ``q`` (n,) in so many ``parts``; (p,)."""
         at, positions = list(q_last), list(last)
         for part in range(1, parts + 1):

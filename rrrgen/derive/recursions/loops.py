@@ -82,11 +82,11 @@ class Dyad:
     def __init__(self, closure: Closure, trig: PlaneTrig, slide: Callable[[Form], Any], use: Arithmetic) -> None:
         self.closure, self._use = closure, use
         bars = [
-            [_evaluated(_without(s, k), trig, slide, use) for s in closure.segments if s.turning[k] == 1]
+            [_evaluate_segment(_without(s, k), trig, slide, use) for s in closure.segments if s.turning[k] == 1]
             for k in closure.coordinates
         ]
         known = [
-            _evaluated(one, trig, slide, use)
+            _evaluate_segment(one, trig, slide, use)
             for one in closure.segments
             if all(one.turning[k] == 0 for k in closure.coordinates)
         ]
@@ -97,14 +97,14 @@ class Dyad:
             h = self._between_bars(bars, (-x, -y))
         else:
             turned = next(k for k in closure.coordinates if k != closure.slider)
-            own = bars[closure.coordinates.index(turned)]
-            if any(one.segment.slide[closure.slider] for one in own):
-                h = self._along_the_bar(turned, closure.slider, own, (-x, -y))
+            bar = bars[closure.coordinates.index(turned)]
+            if any(one.segment.slide[closure.slider] for one in bar):
+                h = self._along_the_bar(turned, closure.slider, bar, (-x, -y))
             else:
-                h = self._beside_the_bar(turned, closure.slider, own, (-x, -y))
+                h = self._beside_the_bar(turned, closure.slider, bar, (-x, -y))
         self._per_h = _reciprocal(h)
         for k, rest in zip(closure.coordinates, bars, strict=True):
-            self._vectors += [_turned(one, self.angles[k], k) for one in rest]
+            self._vectors += [_turn_with_bar(one, self.angles[k], k) for one in rest]
 
     def _between_bars(self, bars: Sequence[Sequence[_Vector]], d: Plane) -> Any:
         """Solve for the angles of two ``bars`` between points with the distance ``d``, and return h."""
@@ -121,7 +121,7 @@ class Dyad:
         h = h if closure.assembly > 0 else -h
         per_distance = _reciprocal(use.at_least(distance, squares[0] * least))
         along, across = m * per_distance, h * per_distance
-        r = _rotated(along, across, d)
+        r = _rotate(along, across, d)
         s = d[0] - r[0], d[1] - r[1]
         self._columns = r, s
         self.angles = {
@@ -139,9 +139,9 @@ class Dyad:
         self.margin = self.discriminant - square * (DEAD_POINT * DEAD_POINT)
         x = use.root(use.at_least(self.discriminant, square * (SMALLEST_SINE * SMALLEST_SINE)))
         x = -x if self.closure.assembly > 0 else x
-        moved, r = _dot(e, d) - x, _rotated(x, y, e)
+        moved, r = _dot(e, d) - x, _rotate(x, y, e)
         self.slides, self.angles = {slider: moved}, {k: _angle(length, r, square)}
-        self._vectors[place] = replace(self._vectors[place], vector=_scaled(moved, e))
+        self._vectors[place] = replace(self._vectors[place], vector=_scale(moved, e))
         return self._with_columns(k, r, e, x)
 
     def _along_the_bar(self, k: int, slider: int, bar: list[_Vector], d: Plane) -> Any:
@@ -158,9 +158,9 @@ class Dyad:
         x = use.root(use.at_least(self.discriminant, whole * least))
         x = x if self.closure.assembly > 0 else -x
         moved = x - _dot(e, u)
-        self.slides, self.angles = {slider: moved}, {k: _angle(_rotated(x, across, e), d, whole)}
-        bar[place] = replace(bar[place], vector=_scaled(moved, e))
-        return self._with_columns(k, d, _rotated(*self.angles[k], e), x)
+        self.slides, self.angles = {slider: moved}, {k: _angle(_rotate(x, across, e), d, whole)}
+        bar[place] = replace(bar[place], vector=_scale(moved, e))
+        return self._with_columns(k, d, _rotate(*self.angles[k], e), x)
 
     def _place_of_slide(self, vectors: Sequence[_Vector]) -> int:
         """The number of the vector that the passive prismatic joint moves."""
@@ -235,7 +235,7 @@ class SolvedLoops:
         ``moved`` is the motion of its pin without these (:meth:`Dyad.rates`).
         """
         for k in range(self.n, len(column)):
-            moved = _plus(moved, _scaled(column[k], dyad.by(k)))
+            moved = _plus(moved, _scale(column[k], dyad.by(k)))
         for k, rate in zip(dyad.closure.coordinates, dyad.rates(moved), strict=True):
             column[k] = rate
 
@@ -245,17 +245,17 @@ class SolvedLoops:
 
     def second(self, one: Sequence[Any], other: Sequence[Any]) -> list[Any]:
         """The second derivatives (coordinates,) of x that are bilinear in two rates of q, (n,) each."""
-        found: list[Any] = [0] * (self.n + len(self.W))
+        derivatives: list[Any] = [0] * (self.n + len(self.W))
         if not any(all(is_number(rate, 0) for rate in rates) for rates in (one, other)):
             both = self.rates(one), self.rates(other)
             for dyad in self.dyads:
-                self._follow(dyad, found, dyad.second(*both))
-        return found
+                self._follow(dyad, derivatives, dyad.second(*both))
+        return derivatives
 
     def forces(self, forces: Sequence[Any]) -> list[Any]:
         """The generalized forces on q (n,) from those on the coordinates x."""
         passive = forces[self.n :]
-        return [own + _dot_known([row[j] for row in self.W], passive) for j, own in enumerate(forces[: self.n])]
+        return [force + _dot_known([row[j] for row in self.W], passive) for j, force in enumerate(forces[: self.n])]
 
 
 class NewtonLoops(SolvedLoops):
@@ -279,9 +279,9 @@ class NewtonLoops(SolvedLoops):
         self.n, self._use, self.positions = n, use, list(positions)
         self.dyads, self.angles = [], {}
         slide = partial(linear, values=self.positions, constant=use.constant)
-        self._loops = [[_evaluated(one, trig, slide, use) for one in each.segments] for each in closures]
+        self._loops = [[_evaluate_segment(one, trig, slide, use) for one in closure.segments] for closure in closures]
         self.scale = _sum_of_squares([one for vectors in self._loops for one in vectors], use)
-        columns = [self._moved(k) for k in range(len(self.positions))]
+        columns = [self._pin_velocities(k) for k in range(len(self.positions))]
         sizes = [self.scale if self._turns(k) else 1 for k in range(n, len(self.positions))]
         self._matrix = _Rotated(columns[n:], [size * (SMALLEST_SINE * SMALLEST_SINE) for size in sizes], use)
         self.sine = self._matrix.relative_determinant
@@ -309,7 +309,7 @@ class NewtonLoops(SolvedLoops):
     def _turns(self, k: int) -> bool:
         return any(one.segment.turning[k] != 0 for vectors in self._loops for one in vectors)
 
-    def _moved(self, k: int) -> list[Any]:
+    def _pin_velocities(self, k: int) -> list[Any]:
         """The velocities (2 loops,) of the pins for a unit rate of coordinate ``k``, turned back by a quarter turn."""
         return [v for vectors in self._loops for v in _by(vectors, k, self._use)]
 
@@ -335,7 +335,7 @@ class _Rotated:
                 c, s = x * per_length, y * per_length
                 self._turns.append((k, i, c, s))
                 for j in range(k, self._size):
-                    A[k][j], A[i][j] = _mixed(c, s, A[k][j], A[i][j])
+                    A[k][j], A[i][j] = _rotate_pair(c, s, A[k][j], A[i][j])
                 A[i][k] = 0
         self._upper = A
         diagonal = [A[k][k] for k in range(self._size)]
@@ -349,7 +349,7 @@ class _Rotated:
         """The solution of the linear equations with the right-hand side ``right``."""
         y = list(right)
         for k, i, c, s in self._turns:
-            y[k], y[i] = _mixed(c, s, y[k], y[i])
+            y[k], y[i] = _rotate_pair(c, s, y[k], y[i])
         for k in reversed(range(self._size)):
             for j in range(k + 1, self._size):
                 if not is_number(self._upper[k][j], 0) and not is_number(y[j], 0):
@@ -358,7 +358,7 @@ class _Rotated:
         return y
 
 
-def _mixed(c: Any, s: Any, x: Any, y: Any) -> tuple[Any, Any]:
+def _rotate_pair(c: Any, s: Any, x: Any, y: Any) -> tuple[Any, Any]:
     """A plane rotation of two numbers, without products with the number 0."""
     if is_number(x, 0):
         return (0, 0) if is_number(y, 0) else (s * y, c * y)
@@ -376,8 +376,8 @@ def _by(vectors: Sequence[_Vector], k: int, use: Arithmetic) -> Plane:
     """The velocity of a pin for a unit rate of coordinate ``k``, turned back by a quarter turn."""
     total: Plane = (0, 0)
     for one in vectors:
-        total = _plus(total, _scaled(use.constant(one.segment.turning[k]), one.vector))
-        x, y = _scaled(use.constant(one.segment.slide[k]), one.along)
+        total = _plus(total, _scale(use.constant(one.segment.turning[k]), one.vector))
+        x, y = _scale(use.constant(one.segment.slide[k]), one.along)
         total = _plus(total, (y, _minus(x)))
     return total
 
@@ -388,13 +388,13 @@ def _second(vectors: Sequence[_Vector], one: Sequence[Any], other: Sequence[Any]
     For equal rates it is the acceleration for zero second derivatives of x.
     """
     total: Plane = (0, 0)
-    for each in vectors:
-        W, V = (linear(each.segment.turning, rates, use.constant) for rates in (one, other))
-        slide, other_slide = (linear(each.segment.slide, rates, use.constant) for rates in (one, other))
+    for vector in vectors:
+        W, V = (linear(vector.segment.turning, rates, use.constant) for rates in (one, other))
+        slide, other_slide = (linear(vector.segment.slide, rates, use.constant) for rates in (one, other))
         # its acceleration -W V v + (W other_slide + V slide) z x e, turned back by a quarter turn
-        x, y = _scaled(W * V, each.vector)
+        x, y = _scale(W * V, vector.vector)
         total = _plus(total, (_minus(y), x))
-        total = _plus(total, _scaled(W * other_slide + V * slide, each.along))
+        total = _plus(total, _scale(W * other_slide + V * slide, vector.along))
     return total
 
 
@@ -421,26 +421,26 @@ def _without(one: Segment, k: int) -> Segment:
     return replace(one, turning=tuple(sp.S.Zero if j == k else v for j, v in enumerate(one.turning)))
 
 
-def _evaluated(one: Segment, trig: PlaneTrig, slide: Callable[[Form], Any], use: Arithmetic) -> _Vector:
+def _evaluate_segment(one: Segment, trig: PlaneTrig, slide: Callable[[Form], Any], use: Arithmetic) -> _Vector:
     c, s = trig(one.turning, one.angle)
     place = use.constant(one.place[0]), use.constant(one.place[1])
     direction = use.constant(one.direction[0]), use.constant(one.direction[1])
     if any(one.direction):
-        place = _plus(place, _scaled(slide(one.slide), direction))
+        place = _plus(place, _scale(slide(one.slide), direction))
     if one.sign < 0:
         place, direction = (_minus(place[0]), _minus(place[1])), (_minus(direction[0]), _minus(direction[1]))
-    return _Vector(one, _rotated(c, s, place), _rotated(c, s, direction))
+    return _Vector(one, _rotate(c, s, place), _rotate(c, s, direction))
 
 
-def _turned(one: _Vector, angle: Plane, k: int) -> _Vector:
+def _turn_with_bar(one: _Vector, angle: Plane, k: int) -> _Vector:
     """The vector ``one`` of the frame of a bar, turned by the ``angle`` of the bar, coordinate ``k``."""
     turning = tuple(sp.S.One if j == k else v for j, v in enumerate(one.segment.turning))
-    return _Vector(replace(one.segment, turning=turning), _rotated(*angle, one.vector), _rotated(*angle, one.along))
+    return _Vector(replace(one.segment, turning=turning), _rotate(*angle, one.vector), _rotate(*angle, one.along))
 
 
 def _angle(bar: Plane, turned: Plane, square: Any) -> Plane:
     """Cosine and sine of the angle from ``bar`` to ``turned``, vectors of equal length with this ``square``."""
-    along = _scaled(_reciprocal(square), bar)
+    along = _scale(_reciprocal(square), bar)
     return _dot(along, turned), _cross(along, turned)
 
 
@@ -465,7 +465,7 @@ def _plus(x: Plane, y: Plane) -> Plane:
     return x[0] + y[0], x[1] + y[1]
 
 
-def _scaled(factor: Any, x: Plane) -> Plane:
+def _scale(factor: Any, x: Plane) -> Plane:
     return (0, 0) if is_number(factor, 0) else (factor * x[0], factor * x[1])
 
 
@@ -481,5 +481,5 @@ def _cross(x: Plane, y: Plane) -> Any:
     return x[0] * y[1] - x[1] * y[0]
 
 
-def _rotated(c: Any, s: Any, x: Plane) -> Plane:
+def _rotate(c: Any, s: Any, x: Plane) -> Plane:
     return c * x[0] - s * x[1], s * x[0] + c * x[1]

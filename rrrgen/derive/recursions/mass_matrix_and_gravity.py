@@ -41,13 +41,13 @@ def composites(chain: Chain, inertias: Sequence[PseudoInertia]) -> list[PseudoIn
     """The composite pseudo-inertia of each joint, in the frame of its block and about its origin."""
     result: list[PseudoInertia] = [PseudoInertia()] * chain.n
     for i in reversed(range(chain.n)):
-        joint, own = chain.joints[i], inertias[i]
+        joint, inertia = chain.joints[i], inertias[i]
         in_block = [k for k in chain.children[i] if chain.joints[k].parallel]
         for k in chain.children[i]:
             if k not in in_block:
-                own = own.plus(_at_joint_before(chain.joints[k], result[k]))
-        beyond = [result[k].moved(Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset(chain, k))) for k in in_block]
-        result[i] = own.rotated_z(joint.c, joint.s) if in_block else _rotated_z(own, joint.c, joint.s)
+                inertia = inertia.plus(_at_joint_before(chain.joints[k], result[k]))
+        beyond = [result[k].transform(Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset(chain, k))) for k in in_block]
+        result[i] = inertia.rotated_z(joint.c, joint.s) if in_block else _rotated_z(inertia, joint.c, joint.s)
         for moved in beyond:
             result[i] = result[i].plus(moved)
     return result
@@ -56,8 +56,8 @@ def composites(chain: Chain, inertias: Sequence[PseudoInertia]) -> list[PseudoIn
 def _at_joint_before(joint: ChainJoint, J: PseudoInertia) -> PseudoInertia:
     """The composite ``J`` of the first joint of a block, moved to the origin and frame of the previous link."""
     slide = Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], [0, 0, joint.slide])
-    at_foot = J if joint.revolute else J.moved(slide)
-    return at_foot.moved(Placement(joint.R, joint.p))
+    at_foot = J if joint.revolute else J.transform(slide)
+    return at_foot.transform(Placement(joint.R, joint.p))
 
 
 def _rotated_z(J: PseudoInertia, c: Any, s: Any) -> PseudoInertia:
@@ -74,7 +74,7 @@ def moved_to_joint_before(chain: Chain, k: int, J: PseudoInertia) -> PseudoInert
     """The body ``J`` at joint k, taken at the origin of the joint before and in the frame of its block."""
     joint = chain.joints[k]
     if joint.parallel:
-        return J.moved(Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset(chain, k)))
+        return J.transform(Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset(chain, k)))
     before = chain.joints[joint.parent]
     return _rotated_z(_at_joint_before(joint, J), before.c, before.s)
 
@@ -142,27 +142,27 @@ def floating_mass_matrix(chain: Chain, inertias: Sequence[PseudoInertia]) -> Mat
     body = [[*mass[r], *(-v for v in hx[r])] for r in range(3)] + [[*hx[r], *tensor[r]] for r in range(3)]
     across = [chain.forces(row) for row in zip(*wrenches, strict=True)]
     joints = chain.form(over_rows)
-    upper = [[*own, *beside] for own, beside in zip(body, across, strict=True)]
+    upper = [[*body_row, *beside] for body_row, beside in zip(body, across, strict=True)]
     lower = [[*(row[k] for row in across), *joints[k]] for k in range(len(joints))]
     return upper + lower
 
 
-def _whole_body(chain: Chain, own: PseudoInertia, bodies: Sequence[PseudoInertia]) -> PseudoInertia:
-    """The composite of the whole robot: the body ``own`` of the base, and ``bodies[k]`` of the joints that it carries.
+def _whole_body(chain: Chain, base_body: PseudoInertia, bodies: Sequence[PseudoInertia]) -> PseudoInertia:
+    """The composite of the whole robot: ``base_body``, and ``bodies[k]`` of the joints that it carries.
 
     Moving a body to the base adds products ``p h`` of an offset and a first moment. Most of them stand in the columns
     of M as well. Those that do not are summed over all joints before they are multiplied, as the legs of many robots
     stand at offsets of equal magnitude.
     """
-    J = own.matrix()
+    J = base_body.matrix()
     sums: dict[tuple[int, int, Any], Any] = {}
     for k in chain.children[0]:
         joint = chain.joints[k]
         axis = next((i for i in range(3) if is_number(joint.R[i][2], 1, -1)), None)
         if joint.parallel or not joint.revolute or axis is None:
-            J = _added(J, _moved_to_base(chain, k, bodies[k]).matrix())
+            J = _add_matrices(J, _moved_to_base(chain, k, bodies[k]).matrix())
             continue
-        turned = bodies[k].moved(Placement(joint.R, [0, 0, 0]))
+        turned = bodies[k].transform(Placement(joint.R, [0, 0, 0]))
         T, h, p = turned.matrix(), [turned.hx, turned.hy, turned.hz], joint.p
         for r, c in combinations_with_replacement(range(3), 2):
             twice = 2 if r == c else 1
@@ -176,20 +176,20 @@ def _whole_body(chain: Chain, own: PseudoInertia, bodies: Sequence[PseudoInertia
             T[r][c] = T[r][c] + turned.m * (p[r] * p[c])
         for r in range(3):
             T[r][3] = T[r][3] + turned.m * p[r]
-        J = _added(J, T)
+        J = _add_matrices(J, T)
     for (r, c, size), total in sums.items():
         J[r][c] = J[r][c] + size * total
     return PseudoInertia.of_matrix([[J[min(r, c)][max(r, c)] for c in range(4)] for r in range(4)])
 
 
-def _added(one: Matrix, other: Matrix) -> Matrix:
+def _add_matrices(one: Matrix, other: Matrix) -> Matrix:
     return [add(row, beside) for row, beside in zip(one, other, strict=True)]
 
 
 def _moved_to_base(chain: Chain, k: int, body: PseudoInertia) -> PseudoInertia:
     """The composite ``body`` of joint k, which stands on the base, moved to the frame of the base."""
     if chain.joints[k].parallel:
-        return body.moved(Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset(chain, k)))
+        return body.transform(Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset(chain, k)))
     return _at_joint_before(chain.joints[k], body)
 
 
@@ -210,11 +210,11 @@ def block_vectors(chain: Chain, vector: Vector) -> list[Vector]:
         if joint.parallel:
             result.append(result[joint.parent])
             continue
-        own = vector
+        components = vector
         if joint.parent >= 0:
             before = chain.joints[joint.parent]
-            own = rotate_z_back(before.c, before.s, result[joint.parent])
-        result.append(transposed_times(joint.R, own))
+            components = rotate_z_back(before.c, before.s, result[joint.parent])
+        result.append(transposed_times(joint.R, components))
     return result
 
 

@@ -39,27 +39,27 @@ def mass_matrix_derivatives(chain: Chain, inertias: list[PseudoInertia]) -> list
     over_joints = _over_joints(replace(chain, coupling=None), inertias)
     if chain.coupling is None:
         return over_joints
-    found = []
+    derivatives = []
     for factors in zip(*chain.coupling, strict=True):
         entries = [[dot(factors, [D[i][j] for D in over_joints]) for j in range(chain.n)] for i in range(chain.n)]
-        found.append(chain.form(entries))
-    return found
+        derivatives.append(chain.form(entries))
+    return derivatives
 
 
 def _over_joints(chain: Chain, inertias: list[PseudoInertia]) -> list[Matrix]:
     """The derivatives over the displacements of all joints, those that follow others included."""
     n, bodies = chain.n, composites(chain, inertias)
     twists = [velocities(chain, [int(i == k) for k in range(n)]) for i in range(n)]
-    found: list[Matrix] = [[[0] * n for _ in range(n)] for _ in range(n)]
+    derivatives: list[Matrix] = [[[0] * n for _ in range(n)] for _ in range(n)]
 
     def enter(k: int, joints: tuple[int, ...], j: int, at: int, wrench: Wrench) -> None:
         for i in joints:
-            found[k][i][j] = found[k][j][i] = _power(twists[i][at], wrench)
+            derivatives[k][i][j] = derivatives[k][j][i] = _power(twists[i][at], wrench)
 
     for j, path in enumerate(chain.paths):
         F, N = unit_wrench(chain.joints[j].revolute, bodies[j])
         for place, k in reversed(list(enumerate(path))):
-            enter(k, path[:place], j, k, _turned(chain.joints[k].revolute, F, N))
+            enter(k, path[:place], j, k, _wrench_derivative(chain.joints[k].revolute, F, N))
             if place:
                 F, N = step_down(chain, k, F, N)
     for k, path in enumerate(chain.paths):
@@ -67,10 +67,10 @@ def _over_joints(chain: Chain, inertias: list[PseudoInertia]) -> list[Matrix]:
         for place in reversed(range(1, len(path))):
             J, j = moved_to_joint_before(chain, path[place], J), path[place - 1]
             enter(k, path[:place], j, j, unit_wrench(chain.joints[j].revolute, J))
-    return found
+    return derivatives
 
 
-def _turned(revolute: bool, F: Vector, N: Vector) -> Wrench:
+def _wrench_derivative(revolute: bool, F: Vector, N: Vector) -> Wrench:
     """The change of a wrench that turns about z with a joint, or whose point of action moves along z with it."""
     turned: Vector = [-F[1], F[0], 0]
     return (turned, [-N[1], N[0], 0]) if revolute else ([0, 0, 0], turned)

@@ -54,7 +54,7 @@ class PseudoInertia:
         """The pseudo-inertia with the symmetric 4x4 matrix ``J``."""
         return PseudoInertia(*(J[r][c] for r, c in PLACES))
 
-    def moved(self, placement: Placement) -> PseudoInertia:
+    def transform(self, placement: Placement) -> PseudoInertia:
         """Express the body in another frame, ``T J T'``, where T is the pose of the present frame in that frame."""
         T = [[*row, p] for row, p in zip(placement.R, placement.p, strict=True)] + [[0, 0, 0, 1]]
         return PseudoInertia.of_matrix(product(product(T, self.matrix()), transpose(T)))

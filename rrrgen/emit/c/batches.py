@@ -121,7 +121,7 @@ def _without_status(program: Program) -> Program:
     outputs = tuple(
         replace(port, name=STATUS_LANES) if program.is_status(k) else port for k, port in enumerate(program.outputs)
     )
-    return program.described(outputs=outputs, status=None)
+    return program.with_fields(outputs=outputs, status=None)
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -145,9 +145,9 @@ def transfers(taken: Iterable[int], given: Iterable[int], prefix: str, real_type
     those of an output of a size in ``given``.
     """
     bytes_per_number = 8 if real == "double" else 4
-    each = [_gather(size, prefix, real_type, bytes_per_number) for size in sorted(taken)]
-    each += [_scatter(size, prefix, real_type, bytes_per_number) for size in sorted(given)]
-    return "\n".join(each)
+    functions = [_gather(size, prefix, real_type, bytes_per_number) for size in sorted(taken)]
+    functions += [_scatter(size, prefix, real_type, bytes_per_number) for size in sorted(given)]
+    return "\n".join(functions)
 
 
 def exchanges(wanted: list[tuple[int, int]], names: list[str]) -> str:
@@ -327,7 +327,7 @@ def _scalar_body(program: Program, dialect: Dialect) -> list[str]:
         return [loop, f"    {call}"]
     codes = " : ".join(
         [f"returned == {dialect.success} ? 0"]
-        + [f"returned == {dialect.failure(each)} ? {each.code}" for each in program.status.failures[:-1]]
+        + [f"returned == {dialect.failure(failure)} ? {failure.code}" for failure in program.status.failures[:-1]]
         + [str(program.status.failures[-1].code)]
     )
     return [

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PureWindowsPath
 
-from rrrgen.base.errors import BuildError, installed
+from rrrgen.base.errors import BuildError, is_installed
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-fast-math")
 """Flags of every build. No contraction to fused multiply-adds: results then do not depend on the processor."""
@@ -61,8 +61,17 @@ class Compiler:
         if self.microsoft:
             usual, special = ([MICROSOFT[flag] for flag in given if flag in MICROSOFT] for given in (FLAGS, flags))
             translated = [*usual, *further_flags(), *special]
-            own = [flag for flag in flags if flag.startswith("-D")]
-            return [*self.command, "/nologo", *translated, *own, f"/I{include}", "/c", unit, f"/Fo{self.object(unit)}"]
+            macros = [flag for flag in flags if flag.startswith("-D")]
+            return [
+                *self.command,
+                "/nologo",
+                *translated,
+                *macros,
+                f"/I{include}",
+                "/c",
+                unit,
+                f"/Fo{self.object(unit)}",
+            ]
         position = () if sys.platform == "win32" else ("-fPIC",)  # all code is, on Windows
         return [
             *self.command,
@@ -86,7 +95,7 @@ class Compiler:
         objects = [self.object(unit) for unit in units]
         if self.microsoft:
             return [*self.command, "/nologo", "/LD", *objects, f"/Fe{library}", "/link", f"/LIBPATH:{_libraries()}"]
-        return [*self.command, "-shared", *objects, *_linked(), "-o", library]
+        return [*self.command, "-shared", *objects, *_link_options(), "-o", library]
 
     def version_command(self) -> list[str]:
         """Command that prints the version of the compiler; Microsoft's prints it if called without arguments."""
@@ -110,7 +119,7 @@ def _flag(flag: str) -> str:
     return "-mcpu=native" if flag == "-march=native" and apple else flag
 
 
-def _linked() -> list[str]:
+def _link_options() -> list[str]:
     """Linker options of an extension module on this system; systems other than Windows and macOS count as Linux."""
     if sys.platform == "win32":
         return [f"-L{_libraries()}", f"-lpython{sys.version_info[0]}{sys.version_info[1]}"]
@@ -136,12 +145,12 @@ def find_compiler() -> Compiler:
 
     The names tried are cc, gcc and clang, on Windows cl, clang, gcc and cc. Raises BuildError if there is none.
     """
-    chosen = _chosen()
+    chosen = _split_cc()
     for command in [chosen] if chosen else WANTED.get(sys.platform, COMPILERS):
         program = shutil.which(command[0])
         if program:
             return Compiler((program, *command[1:]))
-    if not chosen and installed("ziglang"):
+    if not chosen and is_installed("ziglang"):
         return Compiler((sys.executable, *ZIG))
     kinds = "cl, clang or gcc" if sys.platform == "win32" else "cc, gcc or clang"
     missing = f"the C compiler '{chosen[0]}' named by CC" if chosen else f"a C compiler ({kinds})"
@@ -153,7 +162,7 @@ def find_compiler() -> Compiler:
     )
 
 
-def _chosen() -> list[str]:
+def _split_cc() -> list[str]:
     """Split ``$CC`` into words; if the whole is the path of a file, even with blanks or backslashes, it is one word."""
     text = os.environ.get("CC", "").strip()
     return [text] if text and Path(text).is_file() else shlex.split(text, posix=sys.platform != "win32")

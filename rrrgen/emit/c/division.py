@@ -42,7 +42,7 @@ class Division:
         return len(self.starts) - 1
 
 
-def divided(program: Program) -> Division | None:
+def divide(program: Program) -> Division | None:
     """How a long ``program`` is divided; None for one that stays whole.
 
     A guarded function, whose results are all selected at its end, stays whole too.

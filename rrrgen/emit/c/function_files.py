@@ -12,7 +12,7 @@ from rrrgen.emit import Real
 from rrrgen.emit.c.language import Dialect, LibmSinCos, SinCos
 from rrrgen.emit.c.robot_files import failures_of, naming, preamble, print_functions
 from rrrgen.emit.c.stack import STACK_RULE
-from rrrgen.emit.printing import columns, wrapped
+from rrrgen.emit.printing import columns, wrap
 from rrrgen.program import Program
 from rrrgen.robot.identity import Identity
 
@@ -76,7 +76,7 @@ def function_files(
             indent="",
         ),
         "",
-        *wrapped(PROMISE if extension is None else extension.promise),
+        *wrap(PROMISE if extension is None else extension.promise),
     ]
     values = {**naming(dialect, identity), "stem": prefix, "functions": functions}
     values["failures"] = failures

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rrrgen.emit.c.division import divided
+from rrrgen.emit.c.division import divide
 from rrrgen.emit.c.language import Dialect
 from rrrgen.emit.c.stack import stack_bound
-from rrrgen.emit.printing import columns, plain, wrapped
+from rrrgen.emit.printing import columns, plain, wrap
 from rrrgen.program import Port, Program, Status, count_operations
 
 _LONGEST_LINE = 118
@@ -57,29 +57,29 @@ def explanation(program: Program, dialect: Dialect, on_device: bool = False, rou
 
     ``rounding`` is the sentence about the rounding error, if one is stated.
     """
-    lines = wrapped(program.summary or program.name.replace("_", " "))
+    lines = wrap(program.summary or program.name.replace("_", " "))
     if program.formula:
         lines += ["", *(f"    {plain(line)}" for line in program.formula.splitlines())]
     rows = [("in", port) for port in program.inputs] + [("out", port) for port in program.data_outputs]
     lines += ["", *columns([_row(direction, port) for direction, port in rows])]
     if program.status:
-        lines += ["", *wrapped(_status_note(program.status, dialect, on_device))]
+        lines += ["", *wrap(_status_note(program.status, dialect, on_device))]
     lines += ["", f"Operations: {count_operations(program)}."]
     if not on_device:
         lines += [f"Stack: {stack_bound(program, dialect.real)}."]
-        if (division := divided(program)) is not None:
-            lines += wrapped(
+        if (division := divide(program)) is not None:
+            lines += wrap(
                 f"It consists of {division.parts} static functions, since compilers take too long for one, with an "
                 f"array of {division.size} values that several of them need; the bound of the stack includes it."
             )
-    lines += wrapped(rounding)
+    lines += wrap(rounding)
     for note in program.notes:
-        lines += wrapped(note)
+        lines += wrap(note)
     return lines
 
 
 def _status_note(status: Status, dialect: Dialect, on_device: bool) -> str:
-    failures = " or ".join(f"{dialect.failure(each)} where {each.meaning}" for each in status.failures)
+    failures = " or ".join(f"{dialect.failure(failure)} where {failure.meaning}" for failure in status.failures)
     text = "" if on_device else f" ({dialect.prefix}_status_string gives the text)"
     return f"Returns {dialect.success}, or {failures}{text}; the outputs are defined in either case."
 

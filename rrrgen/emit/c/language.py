@@ -285,7 +285,7 @@ class CTarget:
             return f"*{port.name}" if output else port.name
         return f"{port.name}[{element}]"
 
-    def unused(self, port: Port) -> str:
+    def discard(self, port: Port) -> str:
         """The statement ``(void)name;``, which avoids the compiler's warning about an unused parameter."""
         return f"(void){port.name};"
 

@@ -27,7 +27,7 @@ def print_in_parts(
     """The parts of a long function, and the lines of the body of the function itself."""
     target = CTarget(dialect, sincos)
     ports = (*program.inputs, *program.outputs)
-    shared = Names(target.reserved, [port.name for port in ports]).suggested("shared")
+    shared = Names(target.reserved, [port.name for port in ports]).from_hint("shared")
     printed = _DividedBody(program, target, division, shared)
     parts, calls = [], []
     for k, lines in enumerate(printed.parts, 1):

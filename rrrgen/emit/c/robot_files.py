@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 from rrrgen.base.templates import render
 from rrrgen.derive.functions.table import ARGUMENT_ORDER, find
 from rrrgen.emit import Real
-from rrrgen.emit.c.division import divided
+from rrrgen.emit.c.division import divide
 from rrrgen.emit.c.header_comments import explanation, prototype
 from rrrgen.emit.c.language import Dialect, LibmSinCos, SinCos, Trig, nonfinite_function, print_body, sincos_strategy
 from rrrgen.emit.c.parts import FunctionPart, print_in_parts
 from rrrgen.emit.c.stack import STACK_RULE
 from rrrgen.emit.description import facts, large_angles, parameter_lines, programs_of, title
 from rrrgen.emit.interface import Rounding, SelfTestCheck
-from rrrgen.emit.printing import columns, wrapped
+from rrrgen.emit.printing import columns, wrap
 from rrrgen.program import Failure, Op, Program, count_operations, nominal_name
 from rrrgen.robot.identity import Identity
 from rrrgen.robot.spec import RobotSpec, joint_units
@@ -39,14 +39,14 @@ def joint_macros(spec: RobotSpec, dialect: Dialect) -> list[str]:
     units = [joint_units(joint) for joint in spec.joints]
     limits = [joint.limits for joint in spec.joints]
     rows = {
-        "JOINT_NAMES": [_quoted(joint.name) for joint in spec.joints],
-        "Q_UNITS": [_quoted(unit["unit"]) for unit in units],
-        "TAU_UNITS": [_quoted(unit["torque_unit"]) for unit in units],
-        "Q_MIN": [_number(each.lower, dialect, "(-INFINITY)") for each in limits],
-        "Q_MAX": [_number(each.upper, dialect) for each in limits],
-        "DQ_MAX": [_number(each.velocity, dialect) for each in limits],
-        "DDQ_MAX": [_number(each.acceleration, dialect) for each in limits],
-        "TAU_MAX": [_number(each.torque, dialect) for each in limits],
+        "JOINT_NAMES": [_quote(joint.name) for joint in spec.joints],
+        "Q_UNITS": [_quote(unit["unit"]) for unit in units],
+        "TAU_UNITS": [_quote(unit["torque_unit"]) for unit in units],
+        "Q_MIN": [_number(limit.lower, dialect, "(-INFINITY)") for limit in limits],
+        "Q_MAX": [_number(limit.upper, dialect) for limit in limits],
+        "DQ_MAX": [_number(limit.velocity, dialect) for limit in limits],
+        "DDQ_MAX": [_number(limit.acceleration, dialect) for limit in limits],
+        "TAU_MAX": [_number(limit.torque, dialect) for limit in limits],
     }
     return [line for name, values in rows.items() for line in _macro(f"{dialect.macro}_{name}", values)]
 
@@ -63,7 +63,7 @@ def _macro(name: str, values: list[str]) -> list[str]:
     return [*lines[:-1], lines[-1] + "}"]
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     return f'"{text}"'
 
 
@@ -131,8 +131,8 @@ def header_and_sources(
 
 def failures_of(programs: Iterable[Program], dialect: Dialect) -> list[tuple[str, Failure]]:
     """The distinct failures of all functions, as (enumerator, failure), to be numbered from 1."""
-    failures = [each for program in programs if program.status is not None for each in program.status.failures]
-    return [(dialect.failure(each), each) for each in {each.name: each for each in failures}.values()]
+    failures = [failure for program in programs if program.status is not None for failure in program.status.failures]
+    return [(dialect.failure(failure), failure) for failure in {failure.name: failure for failure in failures}.values()]
 
 
 NOMINAL, DERIVATIVES = "_nominal", "_derivatives"
@@ -176,17 +176,17 @@ def print_functions(
     programs: Mapping[str, Program], dialect: Dialect, sincos: SinCos, rounding: Rounding | None = None
 ) -> dict[str, Function]:
     """The prototype, comment and body of every program, by name."""
-    sentences = {name: each.sentence for name, each in (rounding or {}).items()}
+    sentences = {name: statement.sentence for name, statement in (rounding or {}).items()}
 
-    def printed(name: str, program: Program) -> Function:
+    def print_function(name: str, program: Program) -> Function:
         comment = tuple(explanation(program, dialect, rounding=sentences.get(name, "")))
-        division = divided(program)
+        division = divide(program)
         if division is None:
             return Function(prototype(program, dialect), comment, tuple(print_body(program, dialect, sincos)))
         parts, body = print_in_parts(program, division, dialect, sincos)
         return Function(prototype(program, dialect), comment, tuple(body), parts)
 
-    return {name: printed(name, program) for name, program in programs.items()}
+    return {name: print_function(name, program) for name, program in programs.items()}
 
 
 def _sources(prefix: str, model: DerivedModel) -> str:
@@ -208,7 +208,7 @@ def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: 
     """The opening comment of the header: content, conventions, rules, base parameters."""
     spec, macro = model.spec, dialect.macro
     lines = [f"{dialect.prefix}.h: {title(spec)}", ""]
-    lines += [*wrapped(spec.description), ""] if spec.description else []
+    lines += [*wrap(spec.description), ""] if spec.description else []
     (first, generated), *others = facts(model, identity).items()
     rows = [
         (first, generated),
@@ -220,7 +220,7 @@ def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: 
         ("Stack", STACK_RULE),
     ]
     lines += [*columns(rows, indent=""), ""]
-    lines += wrapped(
+    lines += wrap(
         "Matrices are row-major. Outputs are fully written and must not overlap each other or the inputs; inputs may "
         "overlap each other. No function has state, allocates, or fails silently; all may be called from several "
         "threads at once."
@@ -333,8 +333,8 @@ FURTHER_FUNCTIONS = {
 
 def sources(names: Iterable[str]) -> list[str]:
     """The C files of the library among the emitted files: all but self-tests and those of CasADi."""
-    own = [name for name in names if name.endswith(".c") and "/" not in name]
-    return sorted(name for name in own if not name.endswith("_selftest.c"))
+    c_files = [name for name in names if name.endswith(".c") and "/" not in name]
+    return sorted(name for name in c_files if not name.endswith("_selftest.c"))
 
 
 def _contents(model: DerivedModel, names: list[str], real: Real) -> dict[str, Any]:

@@ -142,54 +142,54 @@ def _states(model: DerivedModel) -> dict[str, Table]:
     n = spec.n
     span = [3.0 if joint.is_revolute else 0.5 for joint in spec.joints]
     turn = [101 / 64 if joint.is_revolute else 0.25 for joint in spec.joints]  # 101/64 is close to pi/2
-    scattered = _scattered(4, 4 * n)
+    scattered = _random_table(4, 4 * n)
     places = [[round(64 * x * most) / 64 for x, most in zip(row, span, strict=False)] for row in scattered]
     q = [[0.0] * n, [0.0] * n, turn, [2 * x for x in turn], *places]
     loop_q = None
     if spec.newton:
-        q, loop_q = _followed(spec, len(q))
+        q, loop_q = _positions_along_walk(spec, len(q))
     elif spec.loops:
-        q = _assembled(model.programs["closed_loops"], span, len(q))
-    moving = [_scattered(1, 3 * n, seed)[0] for seed in (5, 6, 7)]
+        q = _positions_off_dead_points(model.programs["closed_loops"], span, len(q))
+    moving = [_random_table(1, 3 * n, seed)[0] for seed in (5, 6, 7)]
     others = [[0.0] * (3 * n), *moving, *(row[n:] for row in scattered)]
     others = [[round(128 * x) / 64 for x in row] for row in others]  # up to 2 rad/s and rad/s^2
     parts = {name: [row[k * n : (k + 1) * n] for row in others] for k, name in enumerate(STATES[1:4])}
     return {"q": q, **parts} if loop_q is None else {"q": q, **parts, "loop_q": loop_q}
 
 
-def _assembled(closed_loops: Program, span: Sequence[float], count: int) -> Table:
+def _positions_off_dead_points(closed_loops: Program, span: Sequence[float], count: int) -> Table:
     """Random positions at which closed loops are farthest from their dead points."""
     drawn = [
-        [round(64 * x * most) / 64 for x, most in zip(row, span, strict=True)] for row in _scattered(512, len(span))
+        [round(64 * x * most) / 64 for x, most in zip(row, span, strict=True)] for row in _random_table(512, len(span))
     ]
     sines = [min(evaluate_floats(closed_loops, row)[2]) for row in drawn]
     best = sorted(range(len(drawn)), key=lambda k: -sines[k])
     return [drawn[k] for k in best[:count]]
 
 
-def _followed(spec: RobotSpec, count: int) -> tuple[Table, Table]:
+def _positions_along_walk(spec: RobotSpec, count: int) -> tuple[Table, Table]:
     """Positions of drives and passive joints, away from dead points, along a random walk from the start of the file.
 
     Those of the drives are multiples of 1/64.
     """
     loops = LoopClosure(build_model(spec))
     start = [round(64 * x) / 64 for x in loops.drives]
-    at, passive = start, loops.moved(start, loops.start, loops.drives, 1)
+    at, passive = start, loops.follow(start, loops.start, loops.drives, 1)
     side = loops.loops([*at, *passive]).sine
-    found = [(at, passive)]
-    for drawn in _scattered(64 * count, spec.n, 9):
+    positions = [(at, passive)]
+    for drawn in _random_table(64 * count, spec.n, 9):
         target = [x + round(16 * dx) / 64 for x, dx in zip(at, drawn, strict=True)]
-        moved = loops.moved(target, passive, at, parts_of(0.25))
+        moved = loops.follow(target, passive, at, parts_of(0.25))
         share = loops.loops([*target, *moved]).sine / side
         if share > 0.3 and loops.gap(target, moved) < CLOSED:
             at, passive = target, moved
-            found.append((at, passive))
-        if len(found) == count:
+            positions.append((at, passive))
+        if len(positions) == count:
             break
-    return [list(q) for q, _ in found], [list(loop_q) for _, loop_q in found]
+    return [list(q) for q, _ in positions], [list(loop_q) for _, loop_q in positions]
 
 
-def _scattered(rows: int, columns: int, seed: int = 1) -> Table:
+def _random_table(rows: int, columns: int, seed: int = 1) -> Table:
     """A table of random numbers in (-1, 1), by a linear congruential generator."""
     values, state = [], seed
     for _ in range(rows * columns):
@@ -224,7 +224,7 @@ def _parameters(model: DerivedModel) -> dict[str, list[float]]:
 
 def _some(port: Port) -> list[float]:
     """Arbitrary values for an input of any shape: multiples of 1/64, below 1 in magnitude, none of them zero."""
-    return [(round(31 * x) * 2 + 1) / 64 for x in _scattered(1, port.size, len(port.name))[0]]
+    return [(round(31 * x) * 2 + 1) / 64 for x in _random_table(1, port.size, len(port.name))[0]]
 
 
 def _plausible(n: int) -> Table:
@@ -246,10 +246,10 @@ def _golden(
     parameters: Mapping[str, list[float]],
     excluded: Container[str],
 ) -> list[Golden]:
-    found = []
+    goldens = []
     for name, program in _with_golden(programs, excluded).items():
         results = []
-        values_of = dict(zip(program.outputs, _evaluated(program, states, parameters), strict=True))
+        values_of = dict(zip(program.outputs, _evaluate_states(program, states, parameters), strict=True))
         for port in program.data_outputs:
             rows = values_of[port]
             scale = max(1e-6, *(abs(x) for row in rows for x in row))
@@ -257,8 +257,8 @@ def _golden(
                 (f"{name}_{port.name}", f"x_{port.name}") if len(program.data_outputs) > 1 else (name, "result")
             )
             results.append(GoldenResult(table, variable, port.size, f"{scale:.3g}", _rows(rows)))
-        found.append(Golden(name, ", ".join(_arguments(program)), tuple(results), _is_arithmetic(program)))
-    return found
+        goldens.append(Golden(name, ", ".join(_arguments(program)), tuple(results), _is_arithmetic(program)))
+    return goldens
 
 
 def _is_arithmetic(program: Program) -> bool:
@@ -279,7 +279,7 @@ def _never_fails(program: Program) -> bool:
     return program.status is None or program.status.failures == (REFUSED,)
 
 
-def _evaluated(
+def _evaluate_states(
     program: Program, states: Mapping[str, Table], parameters: Mapping[str, list[float]]
 ) -> tuple[Table, ...]:
     """For every output of a program its flat values at all states."""
@@ -297,7 +297,7 @@ def _is_positive(
     """Whether M is positive definite at all states; it may not be, as unphysical inertias are only warned about."""
     if "mass_matrix" not in programs:
         return False
-    (values,) = _evaluated(programs["mass_matrix"], states, parameters)
+    (values,) = _evaluate_states(programs["mass_matrix"], states, parameters)
     least, n = 1e-9 * max(abs(x) for M in values for x in M), len(states["q"][0])
     return all(is_positive_definite([M[n * i : n * (i + 1)] for i in range(n)], least) for M in values)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 from rrrgen.emit import Real
-from rrrgen.emit.c.division import divided
+from rrrgen.emit.c.division import divide
 from rrrgen.program import Op, Program
 
 STACK_RULE = (
@@ -47,12 +47,12 @@ def stack_bound(program: Program, real: Real) -> StackBound:
     parts into one function, in which no array is left.
     """
     size = 8 if real == "double" else 4
-    division = divided(program)
+    division = divide(program)
     gcc = _gcc_frame(program, 0, len(program.nodes), size)
     if division is not None:
         largest = max(_gcc_frame(program, *part, size) for part in pairwise(division.starts))
         gcc = _FIXED + division.size * size + 2 * largest
-    return StackBound(gcc=_aligned(gcc), clang=_aligned(_FIXED + 20 * most_alive(program) + 16 * _results(program)))
+    return StackBound(gcc=_align(gcc), clang=_align(_FIXED + 20 * most_alive(program) + 16 * _results(program)))
 
 
 def _gcc_frame(program: Program, start: int, end: int, size: int) -> int:
@@ -89,5 +89,5 @@ def most_alive(program: Program, start: int = 0, end: int | None = None) -> int:
     return max(accumulate(change), default=0)
 
 
-def _aligned(size: int) -> int:
+def _align(size: int) -> int:
     return -(-size // 16) * 16

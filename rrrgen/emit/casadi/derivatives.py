@@ -55,7 +55,7 @@ class Matrix:
         """A matrix of the same size without nonzeros, its name preceded by ``prefix``."""
         return Matrix(prefix + self.name, self.rows, self.cols, ())
 
-    def renamed(self, prefix: str) -> Matrix:
+    def with_prefix(self, prefix: str) -> Matrix:
         """The matrix with the same pattern of nonzeros, its name preceded by ``prefix``."""
         return Matrix(prefix + self.name, self.rows, self.cols, self.entries)
 
@@ -232,27 +232,27 @@ def _without_zeros(row: Iterable[Value]) -> Tangent:
 def forward(base: Routine) -> Routine:
     """The routine of the directional derivative J v, for one vector v."""
     builder = Builder()
-    seeds = [m.renamed("fwd_") for m in base.inputs]
+    seeds = [m.with_prefix("fwd_") for m in base.inputs]
     inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs), *seeds]
     declared = _declare(builder, inputs)
     directions: list[list[Tangent]] = [[{0: v} for v in row] for row in declared[len(inputs) - len(seeds) :]]
     recorded = record(base.program, builder, declared[: len(base.inputs)])
-    found = tangents(base.program, builder, recorded, directions)
-    results: list[list[Value]] = [[tangent.get(0, 0) for tangent in row] for row in found]
-    outputs = [m.renamed("fwd_") for m in base.outputs]
+    tangent_rows = tangents(base.program, builder, recorded, directions)
+    results: list[list[Value]] = [[tangent.get(0, 0) for tangent in row] for row in tangent_rows]
+    outputs = [m.with_prefix("fwd_") for m in base.outputs]
     return _finish(builder, f"fwd1_{base.name}", inputs, outputs, results, f"Forward derivative of {base.name}.")
 
 
 def reverse(base: Routine) -> Routine:
     """The routine of the adjoint derivative J' w, for one vector w."""
     builder = Builder()
-    seeds = [m.renamed("adj_") for m in base.outputs]
+    seeds = [m.with_prefix("adj_") for m in base.outputs]
     inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs), *seeds]
     declared = _declare(builder, inputs)
     weights = declared[len(declared) - len(seeds) :]
     recorded = record(base.program, builder, declared[: len(base.inputs)])
     results = pull_back(base.program, builder, recorded, weights)
-    outputs = [m.renamed("adj_") for m in base.inputs]
+    outputs = [m.with_prefix("adj_") for m in base.inputs]
     return _finish(builder, f"adj1_{base.name}", inputs, outputs, results, f"Reverse derivative of {base.name}.")
 
 

@@ -45,21 +45,21 @@ _MATHS = {
 }
 
 
-def derivatives(base: Routine, kinds: Sequence[str], own: Sequence[Program] = ()) -> list[Routine]:
+def derivatives(base: Routine, kinds: Sequence[str], derivative_programs: Sequence[Program] = ()) -> list[Routine]:
     """Derive the ``kinds`` of derivatives of ``base``: "jac", "fwd1", "adj1", or several joined by "_", outer first.
 
-    If the function has programs of its ``own`` first and second derivatives, "jac" and "jac_adj1" are made of them.
+    If ``derivative_programs`` compute its first and second derivatives, "jac" and "jac_adj1" are made of them.
     """
-    found = {"": base}
-    if own:
-        found["jac"], found["adj1"] = jacobian_from(base, own[0]), reverse(base)
-        found["jac_adj1"] = hessian_from(base, found["adj1"], *own)
+    routines = {"": base}
+    if derivative_programs:
+        routines["jac"], routines["adj1"] = jacobian_from(base, derivative_programs[0]), reverse(base)
+        routines["jac_adj1"] = hessian_from(base, routines["adj1"], *derivative_programs)
 
     def derivative(kind: str) -> Routine:
-        if kind not in found:
+        if kind not in routines:
             outermost, _, rest = kind.partition("_")
-            found[kind] = _TRANSFORMS[outermost](derivative(rest))
-        return found[kind]
+            routines[kind] = _TRANSFORMS[outermost](derivative(rest))
+        return routines[kind]
 
     return [derivative(kind) for kind in kinds]
 
@@ -92,18 +92,18 @@ def external_sources(
     Derivative kinds are "jac", "fwd1", "adj1", and "fwd1_adj1" or "jac_adj1". The code is C99 and C++, has no state, no
     heap and no working memory, and computes in ``casadi_real``, which is double unless the compiler defines another.
     """
-    return external_files(robot, [item for each in programs for item in definitions(robot, *each)], header)
+    return external_files(robot, [item for external in programs for item in definitions(robot, *external)], header)
 
 
 def definitions(
-    robot: str, public: str, program: Program, kinds: Sequence[str], own: Sequence[Program] = ()
+    robot: str, public: str, program: Program, kinds: Sequence[str], derivative_programs: Sequence[Program] = ()
 ) -> list[Definition]:
     """The C definitions of one public function and of its derivatives ``kinds``, ready for the template.
 
-    ``own`` are the programs of its first and second derivatives, if there are any.
+    ``derivative_programs`` are those of its first and second derivatives, if there are any.
     """
     base = routine(program, f"{robot}_casadi_{public}")
-    items = (base, *derivatives(base, kinds, own))
+    items = (base, *derivatives(base, kinds, derivative_programs))
     return [_definition(robot, item, program if item is base else None) for item in items]
 
 
@@ -111,7 +111,7 @@ def external_files(robot: str, definitions: Sequence[Definition], header: Sequen
     """The header and C file of CasADi's external functions, from their ``definitions``."""
     patterns: dict[tuple[int, ...], int] = {}
 
-    def numbered(matrices: Iterable[Matrix]) -> str:
+    def pattern_names(matrices: Iterable[Matrix]) -> str:
         numbers = [patterns.setdefault(_pattern(matrix), len(patterns)) for matrix in matrices]
         return ", ".join(f"{robot}_casadi_pattern_{number}" for number in numbers)
 
@@ -120,7 +120,7 @@ def external_files(robot: str, definitions: Sequence[Definition], header: Sequen
         "prefix": f"{robot.upper()}_CASADI",
         "header": [plain(line) for line in header],
         "definitions": definitions,
-        "patterns_of": {item.name: (numbered(item.inputs), numbered(item.outputs)) for item in definitions},
+        "patterns_of": {item.name: (pattern_names(item.inputs), pattern_names(item.outputs)) for item in definitions},
         "patterns": [", ".join(map(str, pattern)) for pattern in patterns],
         "maths": [_MATHS[op] for op in _MATHS if any(op in item.maths for item in definitions)],
     }
@@ -202,10 +202,10 @@ def _loads(elements: Sequence[Sequence[str]], written: Listing) -> Iterable[str]
 
 def _element_names(names: Names, matrix: Matrix) -> list[str]:
     if matrix.rows == matrix.cols == 1:
-        return [names.suggested(matrix.name) for _ in matrix.entries]
+        return [names.from_hint(matrix.name) for _ in matrix.entries]
     if matrix.cols == 1:
-        return [names.suggested(f"{matrix.name}{r + 1}") for r, _ in matrix.entries]
-    return [names.suggested(f"{matrix.name}_{r + 1}_{c + 1}") for r, c in matrix.entries]
+        return [names.from_hint(f"{matrix.name}{r + 1}") for r, _ in matrix.entries]
+    return [names.from_hint(f"{matrix.name}_{r + 1}_{c + 1}") for r, c in matrix.entries]
 
 
 def _pattern(matrix: Matrix) -> tuple[int, ...]:

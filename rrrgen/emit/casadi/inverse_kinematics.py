@@ -122,7 +122,7 @@ class CasadiBuilder:
         self._set(joint, x)
         return x
 
-    def given(self, joint: Joint) -> Turn | S:
+    def redundancy_parameter(self, joint: Joint) -> Turn | S:
         """The joint whose value the caller prescribes, the input ``redundancy``; returns its displacement or angle."""
         raw = joint.sign * self.redundancy + float(joint.offset)
         self.values[joint.index] = self.redundancy
@@ -167,9 +167,9 @@ def branch_function(spec: RobotSpec, redundancy: int | None = None, *, tool: boo
 
     plan = _plan(spec, redundancy, tool)
     target, parameter = _target(plan), casadi.SX.sym("redundancy")
-    labels = _interpreted(plan, target, casadi.SX.ones(MOST_CHOICES), parameter).labels
+    labels = _play_equations(plan, target, casadi.SX.ones(MOST_CHOICES), parameter).labels
     branch = casadi.SX.sym("branch_signs", len(labels))
-    builder = _interpreted(plan, target, branch, parameter)
+    builder = _play_equations(plan, target, branch, parameter)
     q = casadi.vertcat(*(builder.values[j] for j in range(plan.chain.n)))
     inputs, names = [target, branch], ["target", "branch_signs"]
     if plan.locked is not None:
@@ -177,13 +177,13 @@ def branch_function(spec: RobotSpec, redundancy: int | None = None, *, tool: boo
     if plan.coupling is not None:
         turns = casadi.SX.sym("turns", plan.n)
         geared = plan.coupling.count > 1
-        q = _coupled(plan, plan.coupling, q, turns if geared else casadi.SX.zeros(plan.n))
+        q = _solve_coupling(plan, plan.coupling, q, turns if geared else casadi.SX.zeros(plan.n))
         inputs, names = ([*inputs, turns], [*names, "turns"]) if geared else (inputs, names)
     name = "tool_inverse_kinematics" if tool else "inverse_kinematics"
     return casadi.Function(f"{spec.name}_{name}", inputs, [q], names, ["q"])
 
 
-def _coupled(plan: SolverPlan, coupling: Coupling, y: Any, turns: Any) -> Any:
+def _solve_coupling(plan: SolverPlan, coupling: Coupling, y: Any, turns: Any) -> Any:
     """The joint positions q of a mechanism whose rows have the displacements ``y = S q``; NaN where no q fits.
 
     ``turns`` (n,) are whole numbers of full turns, added to the displacements of the rows ``coupling.pivots``.
@@ -207,7 +207,7 @@ def branch_labels(spec: RobotSpec, redundancy: int | None = None) -> tuple[str, 
 
     plan = _plan(spec, redundancy)
     ones = casadi.SX.ones(MOST_CHOICES)
-    return tuple(_interpreted(plan, _target(plan), ones, casadi.SX.sym("redundancy")).labels)
+    return tuple(_play_equations(plan, _target(plan), ones, casadi.SX.sym("redundancy")).labels)
 
 
 def branch_signs(labels: tuple[tuple[str, int, int], ...], branch: int) -> list[int]:
@@ -236,7 +236,7 @@ def _target(plan: SolverPlan) -> Any:
     return casadi.SX.sym("p", size) if plan.task == "position" else casadi.SX.sym("T", 4, 4)
 
 
-def _interpreted(plan: SolverPlan, target: Any, branch: Any, parameter: Any) -> CasadiBuilder:
+def _play_equations(plan: SolverPlan, target: Any, branch: Any, parameter: Any) -> CasadiBuilder:
     builder = CasadiBuilder(target, branch, parameter, position=plan.task == "position")
     plan.equations.play(builder)
     return builder

@@ -33,16 +33,18 @@ def with_own_derivatives(f: Any, first: Any, second: Any) -> Any:
     adjoint = ca.vertsplit(gradient, n)
 
     # two functions, because calls whose results are not needed vanish from an expression
-    X, W = f.mx_in(), [ca.MX.sym("w", *each.shape) for each in weights]
+    X, W = f.mx_in(), [ca.MX.sym("w", *weight.shape) for weight in weights]
     dy = ca.Function(name + "_slopes", x, slopes).call(X, False, True)
-    own = ca.Function(name + "_hessian", [*x, weights[0]], [block for row in hessian for block in row])
-    ddy = own.call([*X, W[0]], False, True)
+    hessian_function = ca.Function(name + "_hessian", [*x, weights[0]], [block for row in hessian for block in row])
+    ddy = hessian_function.call([*X, W[0]], False, True)
 
-    no_y = [ca.MX.sym("out", each.sparsity()) for each in unused]
+    no_y = [ca.MX.sym("out", output.sparsity()) for output in unused]
     no_adjoint = [ca.MX.sym("out", ca.Sparsity(n, 1)) for _ in adjoint]
-    flat, *status = [ca.MX(n, each.numel()) for each in unused]
-    J = ca.Function("jac_" + name, [*X, *no_y], [*dy, *(each.T for each in status for _ in x)], {"always_inline": True})
-    rows = [each for k in range(3) for each in (*ddy[3 * k : 3 * k + 3], flat, *status, dy[k].T, *status)]
+    flat, *status = [ca.MX(n, output.numel()) for output in unused]
+    J = ca.Function(
+        "jac_" + name, [*X, *no_y], [*dy, *(zeros.T for zeros in status for _ in x)], {"always_inline": True}
+    )
+    rows = [entry for k in range(3) for entry in (*ddy[3 * k : 3 * k + 3], flat, *status, dy[k].T, *status)]
     H = ca.Function("jac_adj1_" + name, [*X, *no_y, *W, *no_adjoint], rows, {"always_inline": True})
 
     arguments = [*x, *unused, *weights]
@@ -85,7 +87,7 @@ def _products(jacobian: Any, f: Any, kind: str, least: int, most: int) -> dict[s
     if kind == "adj":
         matrix = [[row[k].T for row in matrix] for k in range(f.n_in())]
         given, sizes = [f.sparsity_out(k) for k in range(f.n_out())], [f.size_in(k) for k in range(f.n_in())]
-    found = {}
+    functions = {}
     for count in range(least, most + 1):
         seeds = [ca.MX.sym("seed", ca.repmat(sparsity, 1, count)) for sparsity in given]
         products = []
@@ -96,5 +98,5 @@ def _products(jacobian: Any, f: Any, kind: str, least: int, most: int) -> dict[s
                 total += block @ column
             products.append(ca.densify(ca.reshape(total, height, width * count)))
         label = f"{kind}{count}_{f.name()}"
-        found[label] = ca.Function(label, [*inputs, *unused, *seeds], products, {"always_inline": True})
-    return found
+        functions[label] = ca.Function(label, [*inputs, *unused, *seeds], products, {"always_inline": True})
+    return functions

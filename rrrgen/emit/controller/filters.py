@@ -14,9 +14,9 @@ from rrrgen.emit import Real
 from rrrgen.emit.c.language import Dialect, nonfinite_function
 from rrrgen.emit.c.robot_files import naming
 from rrrgen.emit.controller.state_space import StateSpace
-from rrrgen.emit.printing import columns, wrapped
+from rrrgen.emit.printing import columns, wrap
 from rrrgen.program import Builder, Port, Program, Role
-from rrrgen.program.guard import guarded
+from rrrgen.program.guard import add_guard
 from rrrgen.robot.identity import Identity
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -52,7 +52,7 @@ def tap_files(
             indent="",
         ),
         "",
-        *wrapped(
+        *wrap(
             "The state is the caller's; no function allocates, fails, or has a state of its own, and every step takes "
             "the same operations. Different signals need a state each."
         ),
@@ -127,7 +127,7 @@ def kalman_program(
         formula="e = y - q_r - x_0, x_bar = x + k e, x_next = E x_bar, motion = x_bar + reference   (14.30), (14.31)",
         notes=("Start with x = 0; pass x_next as x at the next sample.",),
     )
-    return guarded(program)
+    return add_guard(program)
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -151,9 +151,9 @@ def linear_step_program(systems: Sequence[StateSpace], period: float, name: str,
     x = builder.input(Port("x", (n,), "", "", "state"))
     following: list[Any] = []
     for system in systems:
-        own, u = x[len(following) : len(following) + len(system.B)], signal
-        signal = _combination(system.C, own, system.D, u)
-        following += [_combination(row, own, of_u, u) for row, of_u in zip(system.A, system.B, strict=True)]
+        state, u = x[len(following) : len(following) + len(system.B)], signal
+        signal = _combination(system.C, state, system.D, u)
+        following += [_combination(row, state, of_u, u) for row, of_u in zip(system.A, system.B, strict=True)]
     outputs = [
         (Port("y", (), "", "", "output of this sample"), [signal]),
         (Port("x_next", (n,), "", "", "state for the next sample", state="x"), following),
@@ -165,7 +165,7 @@ def linear_step_program(systems: Sequence[StateSpace], period: float, name: str,
         formula="y = C x + D u, x_next = A x + B u" + (", one after the other" if len(systems) > 1 else ""),
         notes=("Start with x = 0; pass x_next as x at the next sample.",),
     )
-    return guarded(program)
+    return add_guard(program)
 
 
 def _combination(weights: Any, values: Sequence[Any], of_u: float, u: Any) -> Any:

@@ -77,7 +77,7 @@ def fourier_program(joints: int, harmonics: int) -> Program:
     meaning = "row per joint: q0, then a_1.. and b_1.., speed amplitudes"
     values = builder.input(Port("coefficients", (joints, size), "rad, rad/s | m, m/s", "joint", meaning))
     rows = [values[i * size : (i + 1) * size] for i in range(joints)]
-    return _recorded(builder, t, f0, rows, harmonics, "fourier_trajectory")
+    return _record_trajectory(builder, t, f0, rows, harmonics, "fourier_trajectory")
 
 
 def fixed_fourier_program(
@@ -94,10 +94,10 @@ def fixed_fourier_program(
     builder = Builder()
     t = builder.input(Port("t", (), "s", "", "time, best within one cycle"))[0]
     rows: list[list[Value]] = [[Fraction(float(v)) for v in (q0[i], *a[i], *b[i])] for i in range(len(q0))]
-    return _recorded(builder, t, Fraction(float(base_frequency)), rows, harmonics, "exciting_trajectory")
+    return _record_trajectory(builder, t, Fraction(float(base_frequency)), rows, harmonics, "exciting_trajectory")
 
 
-def _recorded(
+def _record_trajectory(
     builder: Builder, t: Value, f0: Value, rows: Sequence[Sequence[Any]], harmonics: int, name: str
 ) -> Program:
     omega = builder.mul(Fraction(2.0 * math.pi), f0)

@@ -185,18 +185,18 @@ class _Recorder:
         Each acts along a direction w in joint space, a unit vector unless motors are coupled: ``w ddq`` for an inertia,
         ``w dq`` for viscous friction, ``sgn(w dq)`` for Coulomb friction, 1 for an offset.
         """
-        found: list[Any] = []
+        forces: list[Any] = []
         for term, w in zip(self.terms, self.directions, strict=True):
             match term.kind:
                 case "inertia":
-                    found.append(dot(w, inputs["ddq"]))
+                    forces.append(dot(w, inputs["ddq"]))
                 case "viscous":
-                    found.append(dot(w, inputs["dq"]))
+                    forces.append(dot(w, inputs["dq"]))
                 case "coulomb":
-                    found.append(builder.sign(dot(w, inputs["dq"])))
+                    forces.append(builder.sign(dot(w, inputs["dq"])))
                 case _:
-                    found.append(1)
-        return found
+                    forces.append(1)
+        return forces
 
     def _torques(
         self, builder: Builder, inputs: Mapping[str, Any], values: Mapping[str, Any], forces: list[Any]
@@ -225,7 +225,7 @@ class _Recorder:
         """
         surfaces = friction_surfaces(self.derived.spec)
         directions = surfaces.values() if surfaces is not None else [unit(i, self.n) for i in range(self.n)]
-        found: list[Any] = [1] * self.n
+        flags: list[Any] = [1] * self.n
         for direction in directions:
             w = [part if type(part) is int else rational(part) for part in direction]
             size = math.sqrt(sum(float(part) ** 2 for part in w))
@@ -233,8 +233,8 @@ class _Recorder:
             limit = rest if size == 1.0 else Fraction(size) * rest
             for i in range(self.n):
                 if w[i]:
-                    found[i] = builder.select(limit - speed, 0, found[i])
-        return found
+                    flags[i] = builder.select(limit - speed, 0, flags[i])
+        return flags
 
 
 def _rest(builder: Builder) -> Any:
@@ -336,11 +336,11 @@ class EstimatorSettings:
     gain: float | None = None
     rest: float = DEFAULT_REST
 
-    def completed(self, regression: Regression) -> EstimatorTuning:
+    def fill_defaults(self, regression: Regression) -> EstimatorTuning:
         """These settings with every default filled in; raises :class:`InputError` that lists all invalid ones."""
         p, n = len(regression.names), regression.joints
         typical = max((abs(value) for value in regression.nominal or ()), default=0.0) or 1.0
-        found = EstimatorTuning(
+        tuning = EstimatorTuning(
             start=self.start if self.start is not None else regression.nominal or (0.0,) * p,
             spread=self.spread if self.spread is not None else (DEFAULT_SPREAD * typical,) * p,
             noise=self.noise
@@ -350,10 +350,10 @@ class EstimatorSettings:
             gain=self.gain,
             rest=self.rest,
         )
-        faults = found.faults(p, n)
+        faults = tuning.faults(p, n)
         if faults:
             raise InputError(f"online estimator: {'; '.join(faults)}")
-        return found
+        return tuning
 
 
 @dataclass(frozen=True)
@@ -410,7 +410,7 @@ def estimator_files(regression: Regression, kind: Kind, settings: EstimatorSetti
     settings, or for a gradient estimator without a gain.
     """
     prefix = f"{regression.robot}_{kind}"
-    chosen = settings.completed(regression)
+    chosen = settings.fill_defaults(regression)
     if kind == "gradient" and chosen.gain is None:
         raise InputError("the gradient estimator needs a gain")
     dialect = Dialect(prefix, real)

@@ -61,7 +61,7 @@ def realize(numerator: Array, denominator: Array) -> StateSpace:
     blocks = []
     while len(A):  # poles computed anew each time: a split may remove more poles than the cluster that was asked for
         (A, B, C), block = _split(A, B, C, _clusters(np.linalg.eigvals(A))[0])
-        blocks.append(_scaled(*_rotated(*block)))
+        blocks.append(_scale_states(*_to_normal_form(*block)))
     total, start = np.zeros((n, n)), 0
     for part, _, _ in blocks:
         total[start : start + len(part), start : start + len(part)] = part
@@ -97,15 +97,15 @@ def _clusters(poles: Any) -> list[Any]:
     Groups are ordered by the distance of their nearest pole from 1.
     """
     rest = list(poles[np.argsort(np.abs(poles - 1.0))])
-    found = []
+    clusters = []
     while rest:
         group, grown = [rest.pop(0)], True
         while grown:
             near = [p for p in rest if min(min(abs(p - g), abs(p.conjugate() - g)) for g in group) < SAME_POLE]
             rest = [p for p in rest if not any(p is other for other in near)]
             group, grown = group + near, bool(near)
-        found.append(np.array(group))
-    return found
+        clusters.append(np.array(group))
+    return clusters
 
 
 def _split(A: Array, B: Array, C: Array, poles: Any) -> tuple[_Block, _Block]:
@@ -121,13 +121,13 @@ def _split(A: Array, B: Array, C: Array, poles: Any) -> tuple[_Block, _Block]:
     if size == len(A):
         return (np.zeros((0, 0)), empty, empty), (A, B, C)
 
-    def chosen(real: float, imaginary: float) -> bool:
+    def is_selected(real: float, imaginary: float) -> bool:
         near = np.sort(np.abs(np.linalg.eigvals(A)[:, None] - poles).min(axis=1))
         border = 0.5 * (near[size - 1] + near[size])
         return bool(np.abs(real + 1j * imaginary - poles).min() <= border)
 
-    T, Q, found = schur(A, output="real", sort=chosen)
-    size = int(found)
+    T, Q, dimension = schur(A, output="real", sort=is_selected)
+    size = int(dimension)
     if size in (0, len(A)):  # poles so close together that the reordering of the Schur form cannot separate them
         return (np.zeros((0, 0)), empty, empty), (A, B, C)
     X = solve_sylvester(T[:size, :size], -T[size:, size:], -T[:size, size:])
@@ -137,7 +137,7 @@ def _split(A: Array, B: Array, C: Array, poles: Any) -> tuple[_Block, _Block]:
     return (T[size:, size:], to_right, C @ right), (T[:size, :size], to_left, C @ left)
 
 
-def _rotated(A: Array, B: Array, C: Array) -> _Block:
+def _to_normal_form(A: Array, B: Array, C: Array) -> _Block:
     """Bring a block ``A``, ``B``, ``C`` of two states to a normal form; other blocks are returned as they are.
 
     A pair of complex poles a +- jb becomes ``A = [[a, b], [-b, a]]``; two poles within DOUBLE_POLE of 1 are set to
@@ -159,7 +159,7 @@ def _rotated(A: Array, B: Array, C: Array) -> _Block:
     return np.array([[a, b], [-b, a]]), np.linalg.solve(T, B), C @ T
 
 
-def _scaled(A: Array, B: Array, C: Array) -> _Block:
+def _scale_states(A: Array, B: Array, C: Array) -> _Block:
     """Scale the states of a block ``A``, ``B``, ``C``: their pulse responses get the RMS of the block's output.
 
     A block whose response overflows or vanishes is returned as it is.

@@ -64,7 +64,7 @@ def html_report(
             dh_exact=tables.dh_exact(spec, walk),
             dh_si=tables.dh_numbers(spec, in_degrees=False),
             dh_degrees=tables.dh_numbers(spec, in_degrees=True),
-            stated=tables.stated(spec),
+            stated=tables.robot_file_tables(spec),
             not_stated=facts.not_stated(spec),
             drives=tables.drives(spec),
             convention=tables.typeset(parameters.statement),

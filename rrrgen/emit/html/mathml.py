@@ -28,14 +28,14 @@ class MathmlMarkup:
 
     def symbol(self, parts: Notation) -> str:
         """The MathML of a letter with dots and subscript."""
-        return _with_subscript(_dotted(GREEK.get(parts.base, parts.base), parts.dots), parts.subscript)
+        return _with_subscript(_letter_with_dots(GREEK.get(parts.base, parts.base), parts.dots), parts.subscript)
 
     def number(self, text: str) -> str:
         """The MathML of an unsigned number."""
         mantissa, _, exponent = text.partition("e")
         if not exponent:
             return f"<mn>{mantissa}</mn>"
-        power = self.power("<mn>10</mn>", _signed(int(exponent)))
+        power = self.power("<mn>10</mn>", _integer_markup(int(exponent)))
         return f"<mn>{mantissa}</mn><mo>·</mo>{power}"
 
     def total(self, terms: Sequence[tuple[bool, str]]) -> str:
@@ -67,7 +67,7 @@ class MathmlMarkup:
         head = f"<msup>{head}<mrow>{exponent}</mrow></msup>" if exponent else head
         return f"<mrow>{head}<mo>⁡</mo>{self.group(argument)}</mrow>"
 
-    def listed(self, arguments: Sequence[str]) -> str:
+    def argument_list(self, arguments: Sequence[str]) -> str:
         """The MathML of the arguments of a function, separated by commas."""
         return "<mo>,</mo>".join(f"<mrow>{argument}</mrow>" for argument in arguments)
 
@@ -76,11 +76,11 @@ class MathmlMarkup:
         return f"<mrow><mo>(</mo>{content}<mo>)</mo></mrow>"
 
 
-def _signed(value: int) -> str:
+def _integer_markup(value: int) -> str:
     return f"<mo>−</mo><mn>{-value}</mn>" if value < 0 else f"<mn>{value}</mn>"
 
 
-def _dotted(letter: str, dots: int) -> str:
+def _letter_with_dots(letter: str, dots: int) -> str:
     text = f"<mi>{escape(letter)}</mi>"
     return f'<mover accent="true">{text}<mo>{_DOTS[dots]}</mo></mover>' if dots else text
 
@@ -179,7 +179,7 @@ def _folding_angle(value: sp.Expr, walk: Walk, sign: str = "") -> str:
 
 def equation(about: QuantityNotation, written: PrintedEquation, walk: Walk) -> Line:
     """The line of one equation of a closed form."""
-    left = _left(about, written)
+    left = _left_side(about, written)
     if isinstance(written.value, sp.MatrixBase):
         return left, f"<math>{matrix(written.value, walk)}</math>", ""
     return left, folding(written.value, walk, LINE), ""
@@ -194,13 +194,13 @@ def matrix(value: sp.MatrixBase, walk: Walk) -> str:
     return f'<mtable class="matrix">{rows}</mtable>'
 
 
-def _left(about: QuantityNotation, equation: PrintedEquation) -> str:
+def _left_side(about: QuantityNotation, equation: PrintedEquation) -> str:
     parts = notation(equation.letter)
     letter = bold(parts.base)
     below = (*parts.subscript, *(str(index) for index in equation.indices))
     if equation.indices or not about.arguments:
         return _with_subscript(letter, below)
-    arguments = "<mo>,</mo>".join(_dotted(chr(_BOLD_SMALL + 16), len(a) - 1) for a in about.arguments)
+    arguments = "<mo>,</mo>".join(_letter_with_dots(chr(_BOLD_SMALL + 16), len(a) - 1) for a in about.arguments)
     return f"{_with_subscript(letter, below)}<mo>(</mo>{arguments}<mo>)</mo>"
 
 
@@ -214,7 +214,7 @@ def closed_forms(forms: Mapping[str, Form], walk: Walk) -> list[dict[str, object
     shown: list[dict[str, object]] = []
     for item in lay_out(forms):
         lines = [definition(symbol, value, walk) for symbol, value in item.definitions]
-        lines += [equation(item.quantity, each, walk) for each in item.equations]
+        lines += [equation(item.quantity, printed_equation, walk) for printed_equation in item.equations]
         shown.append(
             {
                 "name": item.name,
@@ -235,18 +235,18 @@ def inverse_kinematics(spec: RobotSpec) -> dict[str, object]:
     from rrrgen.emit.latex.inverse_kinematics import closed_form, summary
     from rrrgen.ik.classify import plan
 
-    found = plan(spec)
-    if not found.solvable:
-        return {"reason": found.reason}
+    solver_plan = plan(spec)
+    if not solver_plan.solvable:
+        return {"reason": solver_plan.reason}
     try:
         form = closed_form(spec)
         lines = _steps(form)
     except (BackendError, DerivationError):  # an equation that has no notation in mathematics
-        form, lines = summary(found), []
+        form, lines = summary(solver_plan), []
     walk = Walk(MathmlMarkup(), short_trig=False)
     singular = [
-        (Markup(inline(each.expression, walk)) if each.expression is not None else "", each.words)
-        for each in form.singularities
+        (Markup(inline(singularity.expression, walk)) if singularity.expression is not None else "", singularity.words)
+        for singularity in form.singularities
     ]
     return {
         "reason": "",
@@ -260,4 +260,4 @@ def inverse_kinematics(spec: RobotSpec) -> dict[str, object]:
 
 def _steps(form: SolverForm) -> list[Line]:
     walk = Walk(MathmlMarkup(), short_trig=False)
-    return [step(each.symbol, each.expression, each.either, each.note, walk) for each in form.steps]
+    return [step(line.symbol, line.expression, line.either, line.note, walk) for line in form.steps]

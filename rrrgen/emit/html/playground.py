@@ -48,11 +48,11 @@ def check(text: str) -> dict[str, Any]:
     if len(text) > LARGEST:
         return {"faults": [_fault(Fault(FILE, 0, 0, f"the text is longer than {LARGEST} characters"))], "joints": []}
     try:
-        found = list(read_spec(text, FILE).faults)
+        faults = list(read_spec(text, FILE).faults)
     except InputError as error:
-        found = list(error.faults)
+        faults = list(error.faults)
     joints, units = _table(text)
-    return {"faults": [_fault(fault) for fault in found], "joints": joints, "units": units}
+    return {"faults": [_fault(fault) for fault in faults], "joints": joints, "units": units}
 
 
 def _fault(fault: Fault) -> dict[str, Any]:
@@ -109,10 +109,14 @@ def _picture(spec: RobotSpec) -> dict[str, Any]:
     from rrrgen.ik.result_layout import most_rows
     from rrrgen.robot.identity import identify
 
-    def words(found: SolverPlan) -> str:
-        return f"{found.title}: at most {most_rows(found)} configurations" if found.solvable else found.reason
+    def words(solver_plan: SolverPlan) -> str:
+        return (
+            f"{solver_plan.title}: at most {most_rows(solver_plan)} configurations"
+            if solver_plan.solvable
+            else solver_plan.reason
+        )
 
-    tips = [f"{tip}: {words(found)}" for tip, (_, found) in tip_plans(spec).items()]
+    tips = [f"{tip}: {words(solver_plan)}" for tip, (_, solver_plan) in tip_plans(spec).items()]
     return {
         "name": spec.name,
         "description": spec.description or "",
@@ -132,7 +136,7 @@ def results(text: str) -> dict[str, str]:
 
 
 def _results(spec: RobotSpec) -> dict[str, str]:
-    from rrrgen.derive import parametrized, prepare
+    from rrrgen.derive import parametrize_robot, prepare
     from rrrgen.derive.closed_forms import closed_form
     from rrrgen.derive.parameters.listing import listing
     from rrrgen.emit.html import document, mathml, tables
@@ -140,7 +144,7 @@ def _results(spec: RobotSpec) -> dict[str, str]:
     from rrrgen.emit.latex.formulas import Walk
 
     derivation = prepare(spec)
-    parameters = listing(parametrized(derivation))
+    parameters = listing(parametrize_robot(derivation))
     forms = {}
     if spec.n <= SHORT and not spec.loops:
         for name in FORMS:
@@ -177,7 +181,7 @@ def _dynamics(derivation: Derivation) -> str:
     return module(Optimizer()(record(derivation, live)), identify(spec))
 
 
-def prepared(text: str) -> dict[str, Any]:
+def precompute(text: str) -> dict[str, Any]:
     """All answers about a bundled robot, so that its page needs no compiler."""
     spec = _spec(text)
     return {"text": text, "check": check(text), "picture": _picture(spec), "results": _results(spec)}

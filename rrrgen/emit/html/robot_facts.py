@@ -46,7 +46,7 @@ def unit_of(unit: str, revolute: bool) -> str:
     return unit if revolute else unit.replace("kg m^2", "kg").replace("N m", "N").replace("rad", "m")
 
 
-def measured(value: float, unit: str) -> dict[str, float]:
+def in_units(value: float, unit: str) -> dict[str, float]:
     """A value in SI and, where there is one, in the second unit: ``{"rad": 1.5708, "deg": 90.0}``."""
     second = {SECOND_UNIT[unit][0]: value * SECOND_UNIT[unit][1]} if unit in SECOND_UNIT else {}
     return {unit or "one": value} | second
@@ -56,13 +56,13 @@ def in_words(value: float | None, unit: str) -> str:
     """Print a value in both units, as in ``1.5708 rad (90 deg)``; ``-`` where the file states none."""
     if value is None:
         return "-"
-    first, *second = (f"{number:.6g} {name}" for name, number in measured(value, unit).items())
+    first, *second = (f"{number:.6g} {name}" for name, number in in_units(value, unit).items())
     return (first if unit else f"{value:.6g}") + (f" ({second[0]})" if second else "")
 
 
 def tables(spec: RobotSpec) -> list[tuple[str, Rows]]:
     """The tables, (title, rows) each, of what the file states: transforms, limits, friction, drives and links."""
-    found = [
+    sections = [
         (f"{name}: pose of {meaning}", _transform(spec, transform))
         for name, meaning, transform in (
             ("Base", "the frame before joint 1 in the base frame", spec.base),
@@ -71,23 +71,23 @@ def tables(spec: RobotSpec) -> list[tuple[str, Rows]]:
     ]
     driven = {joint.name for joint in spec.joints}
     following = [row for row in spec.rows if row.name not in driven and row.limits != Limits()]
-    found.append(("Limits of the joints", _columns(spec, LIMITS, lambda joint: joint.limits, following)))
-    found.append(("Friction of the joints", _friction(spec.joints)))
-    found.append(("Drives, all values at the joint", _columns(spec, DRIVE, lambda joint: joint.drive)))
-    found.append((LINKS, _links(spec)))
-    return [(title, rows) for title, rows in found if rows]
+    sections.append(("Limits of the joints", _columns(spec, LIMITS, lambda joint: joint.limits, following)))
+    sections.append(("Friction of the joints", _friction(spec.joints)))
+    sections.append(("Drives, all values at the joint", _columns(spec, DRIVE, lambda joint: joint.drive)))
+    sections.append((LINKS, _links(spec)))
+    return [(title, rows) for title, rows in sections if rows]
 
 
 def solvers_of_tips(spec: RobotSpec) -> list[tuple[str, str]]:
     """The name of every named tip with its solver in words, or with the reason why it has none."""
     from rrrgen.ik.classify import tip_plans
 
-    found = []
+    solvers = []
     for tip, (arm, plan) in tip_plans(spec).items():
         joints = ", ".join(joint.name for joint in arm.joints)
         solved = f"{plan.title}, at most {plan.max_solutions} solutions, for {joints}"
-        found.append((tip, solved if plan.solvable else plan.reason))
-    return found
+        solvers.append((tip, solved if plan.solvable else plan.reason))
+    return solvers
 
 
 def not_stated(spec: RobotSpec) -> str:
@@ -134,7 +134,7 @@ def _columns(spec: RobotSpec, keys: dict[str, str], part: Any, further: Sequence
 def _by_joint(spec: RobotSpec, keys: dict[str, str], part: Any) -> dict[str, Any]:
     return {
         joint.name: {
-            key: None if value is None else measured(value, unit_of(unit, joint.is_revolute))
+            key: None if value is None else in_units(value, unit_of(unit, joint.is_revolute))
             for key, unit in keys.items()
             for value in [getattr(part(joint), key, None)]
         }

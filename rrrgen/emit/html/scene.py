@@ -182,11 +182,11 @@ def _mechanism(spec: RobotSpec, table: list[dict[str, float]]) -> dict[str, Any]
         for name, tip in spec.tips.items()
     ]
     followers = [
-        {"name": each.name, "along": each.factors, "lower": each.lower, "upper": each.upper}
-        for each in follower_limits(spec)
+        {"name": follower.name, "along": follower.factors, "lower": follower.lower, "upper": follower.upper}
+        for follower in follower_limits(spec)
     ]
-    found = {"tips": tips, "followers": followers}
-    return {"rows": rows, "tip_row": spec.tip_row} | {name: values for name, values in found.items() if values}
+    extras = {"tips": tips, "followers": followers}
+    return {"rows": rows, "tip_row": spec.tip_row} | {name: values for name, values in extras.items() if values}
 
 
 def _own_joints(spec: RobotSpec, tip: str) -> dict[str, Any]:
@@ -217,15 +217,19 @@ def _first_pose(spec: RobotSpec, ends: list[tuple[float, float]]) -> list[float]
     """
     arms = [tip_arm(spec, tip) for tip in spec.tips if _own_joints(spec, tip)]
     if not arms:
-        return _bent(spec, ends, [-float(spec.nominal(g)) for g in spec.gravity])
+        return _least_singular_configuration(spec, ends, [-float(spec.nominal(g)) for g in spec.gravity])
     start = [_short((lower + upper) / 2) for lower, upper in ends]
     for arm in arms:
-        for k, x in zip(arm.joints, _bent(arm.spec, [ends[k] for k in arm.joints], None), strict=True):
+        for k, x in zip(
+            arm.joints, _least_singular_configuration(arm.spec, [ends[k] for k in arm.joints], None), strict=True
+        ):
             start[k] = x
     return start
 
 
-def _bent(spec: RobotSpec, ends: list[tuple[float, float]], up: list[float] | None) -> list[float]:
+def _least_singular_configuration(
+    spec: RobotSpec, ends: list[tuple[float, float]], up: list[float] | None
+) -> list[float]:
     """The configuration, of :data:`TRIED`, at which the smallest singular value of the Jacobian is largest.
 
     Lengths count over the reach. A straight arm, at which dragging the tip would feel stuck, has zero there. Frames
@@ -244,7 +248,7 @@ def _bent(spec: RobotSpec, ends: list[tuple[float, float]], up: list[float] | No
     for k in range(TRIED):
         parts = [2 * ((GOLDEN ** (i % 7 + 1) * (k + 1) + 0.5 * i) % 1.0) - 1 for i in range(spec.n)]
         q = [_short(m + part * s) for m, part, s in zip(middle, parts, span, strict=True)]
-        if not all(_within(each, q) for each in follower_limits(spec)):
+        if not all(_within(follower, q) for follower in follower_limits(spec)):
             continue
         y = [sum(f * x for f, x in zip(row, q, strict=True)) for row in factors]
         motion = [[x / chain.reach for x in column[:3]] + column[3:] for column in chain.tip_motion(y)]

@@ -245,7 +245,7 @@ Label = tuple[str, tuple[float, float], str]
 def _frame_labels(view: View, frames: Sequence[tuple[str, Transform]]) -> list[Label]:
     """Make the labels with the numbers of the frames, below their origins."""
     places = [(name, view.at(origin(frame))) for name, frame in frames]
-    return [(names, (x - 9, y + 20), "frame") for names, (x, y) in _merged(places)]
+    return [(names, (x - 9, y + 20), "frame") for names, (x, y) in _merge_labels(places)]
 
 
 def _variable_labels(view: View, stages: Sequence[SketchFrame], names: Sequence[str]) -> list[Label]:
@@ -255,7 +255,7 @@ def _variable_labels(view: View, stages: Sequence[SketchFrame], names: Sequence[
         x, y = view.at(stage.axis[0])
         dx, dy = _screen(stage.axis[1])
         places.append((name, (x + _REACH * dx - 15 * dy, y + _REACH * dy + 15 * abs(dx) + 4)))
-    return [(names, place, "variable") for names, place in _merged(places)]
+    return [(names, place, "variable") for names, place in _merge_labels(places)]
 
 
 def _apart(labels: Sequence[Label]) -> list[str]:
@@ -271,7 +271,7 @@ def _apart(labels: Sequence[Label]) -> list[str]:
     return texts
 
 
-def _merged(places: Sequence[tuple[str, tuple[float, float]]]) -> list[tuple[str, tuple[float, float]]]:
+def _merge_labels(places: Sequence[tuple[str, tuple[float, float]]]) -> list[tuple[str, tuple[float, float]]]:
     """Merge labels at the same place (closer than ``_LABEL`` px) into one."""
     groups: list[tuple[list[str], tuple[float, float]]] = []
     for name, place in places:

@@ -113,21 +113,21 @@ def _with_variable(q: str, offset: str) -> str:
     return f"{q} − {offset[1:]}" if offset.startswith("−") else f"{q} + {offset}"
 
 
-def stated(spec: RobotSpec) -> list[tuple[str, HtmlTable]]:
+def robot_file_tables(spec: RobotSpec) -> list[tuple[str, HtmlTable]]:
     """Tables by title of what the robot file states beside the Denavit-Hartenberg table.
 
     Values are in SI units and in other usual ones, such as degrees and mm.
     """
-    found = []
+    tables = []
     for title, (first, *others) in facts.tables(spec):
         headed = first[0] in ("joint", "link")
         rows = others if headed else [first, *others]
         cells = tuple(
-            (name, *("" if each == "-" else unit(each).replace("-", "−") for each in row)) for name, *row in rows
+            (name, *("" if cell == "-" else unit(cell).replace("-", "−") for cell in row)) for name, *row in rows
         )
         headings = first if headed else ("",) * len(first)
-        found.append((title.replace("^2", "²"), HtmlTable(headings, cells)))
-    return found
+        tables.append((title.replace("^2", "²"), HtmlTable(headings, cells)))
+    return tables
 
 
 def typeset(text: str) -> Markup:

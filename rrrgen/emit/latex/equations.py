@@ -83,7 +83,7 @@ def _display(name: str, value: Form, cse_limit: int) -> Display:
     matrix = value if isinstance(value, sp.MatrixBase) else sp.Matrix([value])
     entries = list(matrix)
     if not definitions and sum(int(sp.count_ops(entry)) for entry in entries) > cse_limit:
-        definitions, entries = _shared(entries)
+        definitions, entries = _extract_common(entries)
     matrix = sp.Matrix(*matrix.shape, entries)
     function, place = _place(name)
     about = quantity(function)
@@ -102,7 +102,7 @@ def _place(name: str) -> tuple[str, tuple[int, ...]]:
     return (match[1], tuple(int(index) for index in match[2].split(","))) if match else (name, ())
 
 
-def _shared(entries: list[sp.Expr]) -> tuple[tuple[tuple[sp.Symbol, sp.Expr], ...], list[sp.Expr]]:
+def _extract_common(entries: list[sp.Expr]) -> tuple[tuple[tuple[sp.Symbol, sp.Expr], ...], list[sp.Expr]]:
     """Extract common subexpressions of ``entries``: (definitions, entries written with them).
 
     Sines and cosines stay whole, so that sums of angles remain readable.
@@ -180,13 +180,13 @@ def latex_base_parameters(parameters: ParameterListing) -> str:
 
 
 def _latex_lines(walk: Walk, symbol: str, value: sp.Expr) -> list[str]:
-    return _aligned(walk, walk.markup.symbol(notation(symbol)), value)
+    return _align_terms(walk, walk.markup.symbol(notation(symbol)), value)
 
 
 def _latex_equation(walk: Walk, about: QuantityNotation, equation: PrintedEquation) -> list[str]:
     left = _latex_left(walk, about, equation)
     if not isinstance(equation.value, sp.MatrixBase):
-        return _aligned(walk, left, equation.value)
+        return _align_terms(walk, left, equation.value)
     rows = [" & ".join(walk.write(entry) for entry in equation.value.row(r)) for r in range(equation.value.rows)]
     return [left + " &= \\begin{bmatrix}\n  " + " \\\\\n  ".join(rows) + "\n\\end{bmatrix}"]
 
@@ -202,7 +202,7 @@ def _latex_left(walk: Walk, about: QuantityNotation, equation: PrintedEquation) 
     return f"{letter}({', '.join(arguments[a] for a in about.arguments)})" if about.arguments else letter
 
 
-def _aligned(walk: Walk, left: str, value: sp.Expr) -> list[str]:
+def _align_terms(walk: Walk, left: str, value: sp.Expr) -> list[str]:
     first, *others = break_sum(value, walk)
     lines = [f"{left} &= {join_terms(first)}"]
     return lines + [rf"&\quad {'-' if row[0][0] else '+'} {_after_sign(row)}" for row in others]
@@ -235,7 +235,7 @@ def _pieces(value: sp.Expr, counter: Walk, width: int) -> list[sp.Expr]:
     number, rest = value.as_coeff_Mul()
     if rest.is_Add:  # no parentheses around a whole right-hand side
         value = sp.Add(*(number * term for term in rest.args))
-    for term in counter.ordered(value):
+    for term in counter.sort_terms(value):
         sums = [factor for factor in term.args if factor.is_Add] if term.is_Mul else []
         if sums and len(counter.write(term)) > width:
             longest = max(sums, key=lambda factor: len(factor.args))

@@ -137,12 +137,12 @@ class LatexMarkup:
     def _letter(self, name: str) -> str:
         if name in GREEK:
             return _LATEX_GREEK.get(name, rf"\{name}")
-        return name if len(name) == 1 else rf"\mathit{{{self._escaped(name)}}}"
+        return name if len(name) == 1 else rf"\mathit{{{self._escape(name)}}}"
 
     def _subscript(self, part: str) -> str:
-        return part if part.removesuffix("R").isdigit() or len(part) <= 2 else rf"\mathrm{{{self._escaped(part)}}}"
+        return part if part.removesuffix("R").isdigit() or len(part) <= 2 else rf"\mathrm{{{self._escape(part)}}}"
 
-    def _escaped(self, text: str) -> str:
+    def _escape(self, text: str) -> str:
         return text.replace("_", r"\_")
 
     def number(self, text: str) -> str:
@@ -179,7 +179,7 @@ class LatexMarkup:
         raised = f"^{{{exponent}}}" if exponent else ""
         return rf"{command}{raised}\left({argument}\right)"
 
-    def listed(self, arguments: Sequence[str]) -> str:
+    def argument_list(self, arguments: Sequence[str]) -> str:
         """The markup of the arguments of a function, separated by commas."""
         return ", ".join(arguments)
 
@@ -212,11 +212,11 @@ class TextMarkup:
 
     def fraction(self, numerator: str, denominator: str) -> str:
         """The markup of a quotient."""
-        return f"{_enclosed(numerator, ' ')}/{_enclosed(denominator, ' */')}"
+        return f"{_enclose(numerator, ' ')}/{_enclose(denominator, ' */')}"
 
     def power(self, base: str, exponent: str) -> str:
         """The markup of a power."""
-        return f"{base}^{_enclosed(exponent, ' */-')}"
+        return f"{base}^{_enclose(exponent, ' */-')}"
 
     def root(self, argument: str) -> str:
         """The markup of a square root."""
@@ -224,9 +224,9 @@ class TextMarkup:
 
     def function(self, name: str, argument: str, exponent: str) -> str:
         """The text of ``name(argument)``, followed by ``^exponent`` unless that is empty."""
-        return f"{name}({argument})" + (f"^{_enclosed(exponent, ' */-')}" if exponent else "")
+        return f"{name}({argument})" + (f"^{_enclose(exponent, ' */-')}" if exponent else "")
 
-    def listed(self, arguments: Sequence[str]) -> str:
+    def argument_list(self, arguments: Sequence[str]) -> str:
         """The markup of the arguments of a function, separated by commas."""
         return ", ".join(arguments)
 
@@ -247,7 +247,7 @@ def join_terms(terms: Sequence[tuple[bool, str]]) -> str:
     return text or "0"
 
 
-def _enclosed(text: str, separators: str) -> str:
+def _enclose(text: str, separators: str) -> str:
     """Put ``text`` in parentheses if one of the ``separators`` occurs in it outside of parentheses."""
     depth = 0
     for character in text:
@@ -304,7 +304,7 @@ class Markup(Protocol):
         """The markup of ``name(argument)``, to the power ``exponent`` unless that is empty."""
         ...
 
-    def listed(self, arguments: Sequence[str]) -> str:
+    def argument_list(self, arguments: Sequence[str]) -> str:
         """The markup of the arguments of a function, separated by commas."""
         ...
 
@@ -333,13 +333,13 @@ class Walk:
 
     def terms(self, expression: sp.Expr) -> list[tuple[bool, str]]:
         """The terms of a sum in printing order, each as (whether negative, text without sign)."""
-        return [self._signed(term) for term in self.ordered(expression)]
+        return [self._split_sign(term) for term in self.sort_terms(expression)]
 
-    def ordered(self, expression: sp.Expr) -> list[sp.Expr]:
+    def sort_terms(self, expression: sp.Expr) -> list[sp.Expr]:
         """The terms of a sum in printing order."""
         return sorted(expression.as_ordered_terms(), key=_by_parameters)
 
-    def _signed(self, term: sp.Expr) -> tuple[bool, str]:
+    def _split_sign(self, term: sp.Expr) -> tuple[bool, str]:
         negative = bool(term.could_extract_minus_sign()) and not term.is_Add
         return negative, self._write(-term if negative else term, _PRODUCT)
 
@@ -418,7 +418,7 @@ class Walk:
         arguments = [sp.expand(argument) for argument in e.args]
         short = short_angle(arguments[0]) if self.short_trig and name in ("sin", "cos") else None
         if short is None:
-            text = self.markup.listed([self.write(argument) for argument in arguments])
+            text = self.markup.argument_list([self.write(argument) for argument in arguments])
             return self.markup.function({"sign": "sgn", "Abs": "abs"}.get(name, name), text, exponent)
         letter = self.markup.symbol(Notation(name[0], (short,)))
         return self.markup.power(letter, exponent) if exponent else letter

@@ -71,7 +71,7 @@ class SolverForm:
     def text(self) -> str:
         """The whole closed form as plain text."""
         head = [f"inverse kinematics: {self.plan.title}", *self.remarks()]
-        head += [f"singular: {_said(singularity)}" for singularity in self.singularities]
+        head += [f"singular: {_singularity_text(singularity)}" for singularity in self.singularities]
         if self.values:
             head.append("with " + ", ".join(f"{symbol} = {_number(value)}" for symbol, value in self.values))
         return "\n".join([*head, *(f"  {step.text()}" for step in self.steps)])
@@ -102,7 +102,7 @@ def _number(value: sp.Expr) -> str:
     return (decimal_text(value) if value.is_Rational else None) or str(value)
 
 
-def _said(singularity: Singularity) -> str:
+def _singularity_text(singularity: Singularity) -> str:
     if singularity.expression is None:
         return singularity.words
     return f"{singularity.expression} = 0 ({singularity.words})"
@@ -125,12 +125,12 @@ def closed_form(spec: RobotSpec, redundancy: int | None = None) -> SolverForm:
     builder = TextBuilder(chain.n, position=plan.task == "position", letter="q" if plan.coupling is None else "y")
     solver.play(builder)
     if plan.coupling is not None:
-        steps = (*_needed(builder.steps, "y_"), *_coupled(coupling, plan.coupling))
+        steps = (*_drop_unneeded(builder.steps, "y_"), *_coupling_lines(coupling, plan.coupling))
         return SolverForm(plan, plan.singularities, values, steps)
-    return SolverForm(plan, singular_sets(spec, plan), values, _needed(builder.steps, "q_"))
+    return SolverForm(plan, singular_sets(spec, plan), values, _drop_unneeded(builder.steps, "q_"))
 
 
-def _coupled(S: sp.Matrix, coupling: Coupling) -> list[FormLine]:
+def _coupling_lines(S: sp.Matrix, coupling: Coupling) -> list[FormLine]:
     """The joint positions of a mechanism from the displacements y of its rows, and the rows that must fit."""
     rows, n = list(coupling.pivots), coupling.n
     y = [sp.Symbol(f"y_{i + 1}", real=True) for i in range(S.rows)]
@@ -143,12 +143,12 @@ def _coupled(S: sp.Matrix, coupling: Coupling) -> list[FormLine]:
     full = {symbol.name: 2 * sp.pi * symbol for symbol in ranges}
     leading = S.extract(rows, list(range(n))).inv() * sp.Matrix([y[p] + full.get(f"z_{p + 1}", 0) for p in rows])
     following = S * sp.Matrix(q)
-    found = []
+    lines = []
     for symbol, value in zip(q, leading, strict=True):
-        note = ", ".join(text for each, text in ranges.items() if value.has(each))
-        found.append(FormLine(symbol, sp.expand(value), None, note))
+        note = ", ".join(text for turn, text in ranges.items() if value.has(turn))
+        lines.append(FormLine(symbol, sp.expand(value), None, note))
     must = "up to full turns; otherwise no solution"
-    return found + [FormLine(y[i], following[i], None, must) for i in range(S.rows) if i not in rows]
+    return lines + [FormLine(y[i], following[i], None, must) for i in range(S.rows) if i not in rows]
 
 
 def summary(plan: SolverPlan) -> SolverForm:
@@ -156,7 +156,7 @@ def summary(plan: SolverPlan) -> SolverForm:
     return SolverForm(plan, plan.singularities, (), ())
 
 
-def _needed(steps: list[FormLine], joints: str) -> tuple[FormLine, ...]:
+def _drop_unneeded(steps: list[FormLine], joints: str) -> tuple[FormLine, ...]:
     """Drop the steps that define intermediate values on which no joint value depends.
 
     ``joints`` is the letter with which the symbols of the joint values begin.
@@ -198,7 +198,7 @@ class TextBuilder:
 
     def name(self, hint: str, x: S) -> S:
         """Write the definition of a name on a line of its own, unless the value is short."""
-        value = _tidied(x)
+        value = _tidy(x)
         if value.is_number or value.is_symbol or (-value).is_symbol:
             return value
         part = len(hint) > 1 and hint[-1] in "xyz" and "_" not in hint
@@ -216,35 +216,35 @@ class TextBuilder:
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
         """Write both angles of ``A cos(x) + B sin(x) = C``: ``atan2(B, A) +- atan2(sqrt(A^2 + B^2 - C^2), C)``."""
-        A, B, C = _tidied(A), _tidied(B), _tidied(C)
+        A, B, C = _tidy(A), _tidy(B), _tidy(C)
         if B == 0 and not _carries_target(A):
-            A, C = sp.Integer(1), _tidied(C / A)
+            A, C = sp.Integer(1), _tidy(C / A)
         if sp.count_ops(C) > 3:
             C = self.name(f"k_{joint.index + 1}", C)
-        w2 = _tidied(A**2 + B**2 - C**2)
+        w2 = _tidy(A**2 + B**2 - C**2)
         middle = sp.Integer(0) if (A == 1 and B == 0) else sp.atan2(B, A)
         return self._angle(joint, middle, sp.atan2(sp.sqrt(w2), C), label.name)
 
     def _angle(self, joint: Joint, value: sp.Expr, either: sp.Expr | None, note: str) -> Turn:
-        offset, sign = _tidied(joint.offset), joint.sign
+        offset, sign = _tidy(joint.offset), joint.sign
         q = sp.Symbol(f"{self._letter}_{joint.index + 1}", real=True)
         # raw = sign q + offset
-        self.steps.append(FormLine(q, _tidied(sign * (value - offset)), either, note))
+        self.steps.append(FormLine(q, _tidy(sign * (value - offset)), either, note))
         raw = sign * q + offset
         return Turn(sp.cos(raw), sp.sin(raw))
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
         """Write ``+- sqrt(radicand)`` as an equation."""
         symbol = self._fresh(f"{hint[0]}_{hint[1:]}" if len(hint) > 1 else hint)
-        self.steps.append(FormLine(symbol, sp.Integer(0), sp.sqrt(_tidied(radicand)), label.name))
+        self.steps.append(FormLine(symbol, sp.Integer(0), sp.sqrt(_tidy(radicand)), label.name))
         return symbol
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
         """Write the quartic equation itself, because its roots have no readable formula."""
         q = sp.Symbol(f"{self._letter}_{joint.index + 1}", real=True)
-        x = joint.sign * q + _tidied(joint.offset)
+        x = joint.sign * q + _tidy(joint.offset)
         terms = (1, sp.cos(x), sp.sin(x), sp.cos(2 * x), sp.sin(2 * x))
-        total = sum(sp.Mul(_tidied(value), term, evaluate=True) for value, term in zip(k, terms, strict=True))
+        total = sum(sp.Mul(_tidy(value), term, evaluate=True) for value, term in zip(k, terms, strict=True))
         self.steps.append(FormLine(sp.Integer(0), total, None, f"up to four roots {q}, {label.name}"))
         return Turn(sp.cos(x), sp.sin(x))
 
@@ -253,19 +253,19 @@ class TextBuilder:
         if len(k) == 2:
             return self.slide(joint, -k[0] / k[1])
         q = sp.Symbol(f"{self._letter}_{joint.index + 1}", real=True)
-        raw = joint.sign * q + _tidied(joint.offset)
+        raw = joint.sign * q + _tidy(joint.offset)
         if len(k) > 3:
             total = sum(value * raw**i for i, value in enumerate(k))
             self.steps.append(FormLine(sp.Integer(0), total, None, f"up to four roots {q}, {label.name}"))
             return raw
-        root = sp.sqrt(_tidied(k[1] ** 2 - 4 * k[0] * k[2])) / (2 * k[2])
-        middle = _tidied(joint.sign * (-k[1] / (2 * k[2]) - _tidied(joint.offset)))
+        root = sp.sqrt(_tidy(k[1] ** 2 - 4 * k[0] * k[2])) / (2 * k[2])
+        middle = _tidy(joint.sign * (-k[1] / (2 * k[2]) - _tidy(joint.offset)))
         self.steps.append(FormLine(q, middle, root, label.name))
         return raw
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
         """Write the angle ``atan2(s, c)`` of a joint as an equation."""
-        return self._angle(joint, sp.atan2(_tidied(s), _tidied(c)), None, "")
+        return self._angle(joint, sp.atan2(_tidy(s), _tidy(c)), None, "")
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
         """Write the angle that rotates ``v`` about z to the direction of ``u``: ``atan2(v x u, v . u)``."""
@@ -275,13 +275,13 @@ class TextBuilder:
     def slide(self, joint: Joint, x: S) -> S:
         """Write the equation of a prismatic joint, or of a joint whose angle depends on others."""
         q = sp.Symbol(f"{self._letter}_{joint.index + 1}", real=True)
-        self.steps.append(FormLine(q, _tidied(joint.sign * (x - joint.offset))))
-        return joint.sign * q + _tidied(joint.offset)
+        self.steps.append(FormLine(q, _tidy(joint.sign * (x - joint.offset))))
+        return joint.sign * q + _tidy(joint.offset)
 
-    def given(self, joint: Joint) -> Turn | S:
+    def redundancy_parameter(self, joint: Joint) -> Turn | S:
         """The symbol of the joint that the caller prescribes, or of the arm angle psi."""
         prescribed = sp.Symbol("psi" if joint.index >= self._n else f"{self._letter}_{joint.index + 1}", real=True)
-        raw = joint.sign * prescribed + _tidied(joint.offset)
+        raw = joint.sign * prescribed + _tidy(joint.offset)
         return Turn(sp.cos(raw), sp.sin(raw)) if joint.revolute else raw
 
     def wrist(
@@ -289,14 +289,14 @@ class TextBuilder:
     ) -> tuple[Turn, Turn, Turn]:
         """Write the equations of both solutions of an orthogonal wrist."""
         e4, e5 = signs
-        mxz, myz, mzz = (_tidied(M[i][2]) for i in range(3))
+        mxz, myz, mzz = (_tidy(M[i][2]) for i in range(3))
         middle = self._angle(joints[1], sp.Integer(0), sp.atan2(sp.sqrt(mxz**2 + myz**2), -e4 * e5 * mzz), "wrist")
         sign = e5 * sp.sign(middle.s)
         first = self._angle(joints[0], sp.atan2(sign * myz, sign * mxz), None, "")
         mx = (M[0][0], M[1][0], M[2][0])
         s6 = dot((e4 * e5 * first.s, -e4 * e5 * first.c, 0), mx)
         c6 = dot((first.c * middle.c, first.s * middle.c, e4 * middle.s), mx)
-        last = self._angle(joints[2], sp.atan2(_tidied(s6), _tidied(c6)), None, "")
+        last = self._angle(joints[2], sp.atan2(_tidy(s6), _tidy(c6)), None, "")
         return first, middle, last
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
@@ -319,7 +319,7 @@ def _carries_target(x: sp.Expr) -> bool:
     return any(symbol.name[0] in "xyzpr" for symbol in x.free_symbols)
 
 
-def _tidied(x: Any) -> sp.Expr:
+def _tidy(x: Any) -> sp.Expr:
     """Simplify ``x`` for printing: exact numbers, and the expanded form unless it is longer."""
     value = (
         x if isinstance(x, sp.Basic) else (sp.Rational(repr(float(x))) if float(x) != int(x) else sp.Integer(int(x)))

@@ -21,7 +21,7 @@ from rrrgen.emit.c.robot_files import CBackend, Files
 from rrrgen.emit.controller.differential_ik import Declaration, declaration
 from rrrgen.emit.controller.template_files import files_beside
 from rrrgen.emit.description import programs_of
-from rrrgen.emit.printing import plain, port_text, wrapped
+from rrrgen.emit.printing import plain, port_text, wrap
 from rrrgen.emit.targets.interface import UnitCode
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.plan import SolverPlan
@@ -165,16 +165,16 @@ def loops(code: Code) -> dict[str, str]:
 def described_functions(code: Code) -> list[dict[str, Any]]:
     """Describe every emitted function for the templates: inputs, defaults from the robot file, texts and results."""
     functions: list[Program | Declaration] = [*code.programs.values(), *code.declared]
-    return [_described(code, function) for function in functions]
+    return [_describe(code, function) for function in functions]
 
 
-def _described(code: Code, program: Program | Declaration) -> dict[str, Any]:
+def _describe(code: Code, program: Program | Declaration) -> dict[str, Any]:
     defaults = _defaults(code, program)
     return {
         "program": program,
         "inputs": list(program.inputs),
         "defaults": defaults,
-        "summary": wrapped(program.summary or program.name.replace("_", " ")),
+        "summary": wrap(program.summary or program.name.replace("_", " ")),
         "formula": [plain(line) for line in program.formula.splitlines()],
         "meanings": [(port.name, port_text(port)) for port in program.inputs],
         "results": [(port.name, port_text(port)) for port in program.data_outputs],
@@ -214,8 +214,8 @@ def _known_values(code: Code) -> dict[str, Default]:
 
 def nominal_values(code: Code) -> dict[Any, Default]:
     """Map the role of each parameter with values in the robot file to the function that returns these values."""
-    found: dict[Any, Default] = {}
+    defaults: dict[Any, Default] = {}
     for name in ("nominal_parameters", "nominal_friction"):
         outputs = code.programs[name].data_outputs if name in code.programs else ()
-        found |= {port.role: Default(name, len(outputs), i, port.name) for i, port in enumerate(outputs)}
-    return found
+        defaults |= {port.role: Default(name, len(outputs), i, port.name) for i, port in enumerate(outputs)}
+    return defaults

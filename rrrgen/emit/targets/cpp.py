@@ -13,7 +13,7 @@ from rrrgen.emit import Real
 from rrrgen.emit.c.language import RESERVED, Dialect
 from rrrgen.emit.description import programs_of, title
 from rrrgen.emit.interface import Backend
-from rrrgen.emit.printing import plain, wrapped
+from rrrgen.emit.printing import plain, wrap
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.classify import tip_plans
 from rrrgen.program import Port, Program
@@ -102,12 +102,14 @@ class _Solver:
 
 def _solvers(spec: RobotSpec, plan: SolverPlan, real: Real) -> list[_Solver]:
     """The solvers of the tip and of all named tips that have one; these solve for joints of their own."""
-    found = [("", spec.name, "vector<joints>", plan)]
-    found += [(f"{tip}_", arm.name, f"vector<{arm.n}>", own) for tip, (arm, own) in tip_plans(spec).items()]
+    candidates = [("", spec.name, "vector<joints>", plan)]
+    candidates += [
+        (f"{tip}_", arm.name, f"vector<{arm.n}>", tip_plan) for tip, (arm, tip_plan) in tip_plans(spec).items()
+    ]
     return [
-        _Solver(lead, Dialect(name, real).prefix, Dialect(name, real).macro, joints, own)
-        for lead, name, joints, own in found
-        if own.solvable
+        _Solver(lead, Dialect(name, real).prefix, Dialect(name, real).macro, joints, solver_plan)
+        for lead, name, joints, solver_plan in candidates
+        if solver_plan.solvable
     ]
 
 
@@ -130,21 +132,21 @@ def _pointer(port: Port) -> str:
 
 def _function(program: Program, dialect: Dialect) -> _CppFunction:
     outputs = program.data_outputs
-    found = tuple((_type(port), port.name) for port in outputs)
+    fields = tuple((_type(port), port.name) for port in outputs)
     fails = program.status is not None
     single = len(outputs) == 1 and not fails
-    result = found[0][0] if single else f"{program.name}_result"
+    result = fields[0][0] if single else f"{program.name}_result"
     inputs = [f"const {_type(port)} &{port.name}" if port.shape else f"real {port.name}" for port in program.inputs]
     arguments = [_pointer(port) if port.shape else port.name for port in program.inputs]
     target = "" if single else "result."
     arguments += [f"&{target}{port.name}" if not port.shape else target + _pointer(port) for port in outputs]
     return _CppFunction(
         explanation=tuple(_explanation(program)),
-        result_fields=() if single else found,
+        result_fields=() if single else fields,
         result=result,
         fails=fails,
         signature=_signature(f"[[nodiscard]] inline {result} {program.name}(", inputs),
-        outputs=found,
+        outputs=fields,
         call=f"{dialect.prefix}_{program.name}({', '.join(arguments)})",
     )
 
@@ -158,5 +160,5 @@ def _signature(head: str, inputs: list[str]) -> str:
 
 
 def _explanation(program: Program) -> list[str]:
-    lines = wrapped(program.summary or program.name.replace("_", " "))
+    lines = wrap(program.summary or program.name.replace("_", " "))
     return lines + [f"    {plain(line)}" for line in program.formula.splitlines()]

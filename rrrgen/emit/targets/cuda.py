@@ -15,7 +15,7 @@ from rrrgen.emit.c.header_comments import explanation, function_name
 from rrrgen.emit.c.language import Dialect, print_body
 from rrrgen.emit.c.robot_files import failures_of
 from rrrgen.emit.description import facts, parameter_lines, programs_of, title
-from rrrgen.emit.printing import columns, with_free_ports, wrapped
+from rrrgen.emit.printing import columns, with_free_ports, wrap
 from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
 from rrrgen.program import Op, Port, Program, Role
@@ -90,7 +90,7 @@ def _opening(model: DerivedModel, identity: Identity, dialect: Dialect) -> list[
         ("Sine, cosine", _LibrarySinCos().description(dialect)),
     ]
     lines += [*columns(rows, indent=""), ""]
-    lines += wrapped(
+    lines += wrap(
         "Functions take one state each; matrices are row-major, outputs must not overlap inputs. A kernel named "
         f"{dialect.prefix}_batch_<function> evaluates <function> for `count` states that lie in device memory as a "
         "structure of arrays: element e of state k of an argument is at [e*count + k]. Base parameters, friction "

@@ -59,7 +59,7 @@ class _Block:
         bare = self.size == 1 and self.name == "tolerance"
         return [
             {
-                "name": self.name if bare else _indexed(self.name, i + 1),
+                "name": self.name if bare else _element_name(self.name, i + 1),
                 "reference": self.start + i,
                 "start": repr(self.values[i]),
                 "description": self.descriptions[i],
@@ -73,7 +73,7 @@ class _Block:
         ]
 
 
-def _indexed(name: str, number: int) -> str:
+def _element_name(name: str, number: int) -> str:
     """FMI name of element ``number`` (from 1) of a vector: ``q[1]``, or ``der(q[1])`` for a derivative."""
     return f"der({name[4:-1]}[{number}])" if name.startswith("der(") else f"{name}[{number}]"
 
@@ -81,7 +81,7 @@ def _indexed(name: str, number: int) -> str:
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
     refuse_newton(spec, "a plant for simulation")
     chosen = platforms(options.platforms)
-    missing = [each.name or each.tag for each in chosen if not each.fmi]
+    missing = [platform.name or platform.tag for platform in chosen if not platform.fmi]
     if missing:
         raise DerivationError(f"FMI 2.0 has no platform for {', '.join(missing)}; it has linux64, darwin64 and win64")
     code = emitted_code(spec)

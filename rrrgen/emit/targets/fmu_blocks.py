@@ -62,13 +62,13 @@ class Block:
         """The package ``whole`` with the files that the block needs."""
         if self.called is None:
             return whole
-        stems = {f"{whole.dialect.prefix}{each}" for each in self.called}
+        stems = {f"{whole.dialect.prefix}{suffix}" for suffix in self.called}
         return replace(whole, files={k: text for k, text in whole.files.items() if k.rpartition(".")[0] in stems})
 
     def values(self, code: Code) -> dict[str, Any]:
         """Template variables of the FMU in the package ``code``."""
-        found, spec = self.variables(code), code.model.spec
-        every = [*found.parameters, *found.inputs, *found.outputs]
+        variables, spec = self.variables(code), code.model.spec
+        every = [*variables.parameters, *variables.inputs, *variables.outputs]
         abi = "" if code.unit is None else code.unit.description["abi"]
         key = f"rrrgen {code.identity.tool_version} {code.identity.model_hash} {self.kind} {abi}"
         return {
@@ -78,9 +78,9 @@ class Block:
             "title": title(spec),
             "guid": str(uuid.uuid5(uuid.NAMESPACE_URL, key)),
             "variables": every,
-            "first": {"in": len(found.parameters), "out": len(found.parameters) + len(found.inputs)},
+            "first": {"in": len(variables.parameters), "out": len(variables.parameters) + len(variables.inputs)},
             "units": sorted({v["unit"] for v in every if v["unit"]}),
-            "period": found.step,
+            "period": variables.step,
             "points": POINTS,
             "harmonics": HARMONICS,
             "base_frequency": BASE_FREQUENCY,
@@ -125,7 +125,7 @@ def _timing(code: Code) -> Variables:
     friction = [float(value) for _, value in friction_parameters(spec)]
 
     def limit(name: str, key: str, unit: str, what: str) -> dict[str, Any]:
-        values = ["inf" if getattr(each, key) is None else float(getattr(each, key)) for each in limits]
+        values = ["inf" if getattr(bounds, key) is None else float(getattr(bounds, key)) for bounds in limits]
         return _row(name, n, unit, f"largest {what}; INF for none", values, low=0.0, infinite=True)
 
     table: dict[str, Any] = {"columns": n, "joint": lambda k: k % n}
@@ -145,7 +145,7 @@ def _timing(code: Code) -> Variables:
             for port in further_inputs(code.programs["path_dynamics"])
         ),
     ]
-    found = [
+    outputs = [
         *_motion(n),
         _row("duration", None, "s", "time from the first point to the last"),
         _row("stretch", None, "", "how much longer than the limits at the points alone allow"),
@@ -153,7 +153,7 @@ def _timing(code: Code) -> Variables:
         _row("speed_share", None, "", "largest speed over its limit"),
         _row("acceleration_share", None, "", "largest acceleration over its limit"),
     ]
-    return Variables(_all(rows, "parameter", code), [], _all(found, "output", code), STEP)
+    return Variables(_all(rows, "parameter", code), [], _all(outputs, "output", code), STEP)
 
 
 BLOCKS = (
@@ -218,13 +218,13 @@ def _elements(row: Mapping[str, Any], struct: str, causality: str, spec: RobotSp
             "causality": causality,
             "text": row["text"],
             "unit": "" if integer else _unit_of(row["unit"], joint, spec.n if columns else row["count"] or 1, spec),
-            "low": _bound(row.get("low"), integer) if not infinite or row["low"] >= 0 else None,
-            "high": _bound(row.get("high"), integer) if not infinite else None,
+            "low": _bound_text(row.get("low"), integer) if not infinite or row["low"] >= 0 else None,
+            "high": _bound_text(row.get("high"), integer) if not infinite else None,
             "start": (str(int(float(numbers[k]))) if integer else numbers[k]) if numbers else None,
         }
 
 
-def _bound(value: float | None, integer: bool) -> str | None:
+def _bound_text(value: float | None, integer: bool) -> str | None:
     return None if value is None else str(int(value)) if integer else repr(float(value))
 
 

@@ -91,5 +91,7 @@ def unused_entries(spec: RobotSpec, kept: Collection[str] = ()) -> Iterator[str]
     }
     for key, (section, words) in owners.items():
         sections = [getattr(joint, section) for joint in spec.joints]
-        if key not in kept and any(each is not None and getattr(each, key) is not None for each in sections):
+        if key not in kept and any(
+            joint_section is not None and getattr(joint_section, key) is not None for joint_section in sections
+        ):
             yield f"{words} are left out: the format has no such entry"

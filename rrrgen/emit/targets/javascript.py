@@ -26,7 +26,7 @@ from rrrgen.emit.printing import (
     port_text,
     print_body,
     with_free_ports,
-    wrapped,
+    wrap,
 )
 from rrrgen.emit.targets.javascript_ik import modules as inverse_kinematics
 from rrrgen.program import Op, Port, Program, Status, count_operations
@@ -111,7 +111,7 @@ class _JavaScript:
 
     def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
         """The conditional expression that is ``positive`` where ``condition > 0``, else ``otherwise``."""
-        choices = (each.within(SUM) for each in (positive, otherwise))
+        choices = (choice.within(SUM) for choice in (positive, otherwise))
         return Text(f"{condition.within(PRODUCT)} > 0 ? {' : '.join(choices)}", CHOICE)
 
     def sincos(self, angle: str, sine: str | None, cosine: str | None) -> list[str]:
@@ -123,7 +123,7 @@ class _JavaScript:
         """The text of an element of an array, such as ``M[1][2]``."""
         return nested_element(port, element)
 
-    def unused(self, port: Port) -> str:
+    def discard(self, port: Port) -> str:
         """The statement that marks an argument which the function does not read."""
         return f"void {port.name};"
 
@@ -161,13 +161,13 @@ def module(model: DerivedModel, identity: Identity) -> str:
 def _opening(model: DerivedModel, identity: Identity, precision: Mapping[str, str]) -> list[str]:
     spec = model.spec
     heading = title(spec)
-    lines = [*wrapped(f"{heading[0].upper()}{heading[1:]}."), ""]
-    lines += [*wrapped(spec.description), ""] if spec.description else []
+    lines = [*wrap(f"{heading[0].upper()}{heading[1:]}."), ""]
+    lines += [*wrap(spec.description), ""] if spec.description else []
     for name, text in {**facts(model, identity), **precision}.items():
-        lines += wrapped(f"- {name}: {text}")
+        lines += wrap(f"- {name}: {text}")
     parameters = listing(model)
-    lines += ["", *wrapped("Matrices are arrays of rows. Functions keep no state and do not change their arguments.")]
-    lines += ["", *wrapped(parameters.heading(f"beta[0..{model.beta_size - 1}]")), ""]
+    lines += ["", *wrap("Matrices are arrays of rows. Functions keep no state and do not change their arguments.")]
+    lines += ["", *wrap(parameters.heading(f"beta[0..{model.beta_size - 1}]")), ""]
     return lines + [
         f"  beta[{k}]  {p.name}  {p.unit or '-'}  {mathematics(p.expression)}" for k, p in enumerate(parameters.beta)
     ]
@@ -197,21 +197,21 @@ def _initial(port: Port) -> str:
 
 
 def _explanation(program: Program) -> list[str]:
-    lines = wrapped(program.summary or program.name.replace("_", " "))
+    lines = wrap(program.summary or program.name.replace("_", " "))
     if program.formula:
         lines += ["", *(f"  {plain(line)}" for line in program.formula.splitlines())]
-    lines += ["", *wrapped(f"Operations: {count_operations(program)}.")]
+    lines += ["", *wrap(f"Operations: {count_operations(program)}.")]
     for note in program.notes:
-        lines += wrapped(note)
+        lines += wrap(note)
     lines.append("")
     for port in program.inputs:
-        lines += wrapped(f"@param {{{_type(port)}}} {port.name} {_told(port)}".rstrip())
+        lines += wrap(f"@param {{{_type(port)}}} {port.name} {_describe_port(port)}".rstrip())
     results = program.data_outputs
     types = ", ".join(f"{port.name}: {_type(port)}" for port in results)
     kind = _type(results[0]) if len(results) == 1 else f"{{{types}}}"
-    lines += wrapped(f"@returns {{{kind}}} " + "; ".join(f"{port.name}: {_told(port)}" for port in results))
+    lines += wrap(f"@returns {{{kind}}} " + "; ".join(f"{port.name}: {_describe_port(port)}" for port in results))
     if program.status is not None:
-        lines += wrapped(f"@throws {{Failure}} where {program.status.meaning}")
+        lines += wrap(f"@throws {{Failure}} where {program.status.meaning}")
     return lines
 
 
@@ -219,7 +219,7 @@ def _type(port: Port) -> str:
     return "number" + "[]" * len(port.shape)
 
 
-def _told(port: Port) -> str:
+def _describe_port(port: Port) -> str:
     """What a port is, its unit, its frame, and its shape."""
     shape = "".join(f"[{size}]" for size in port.shape)
     return port_text(port, shape)

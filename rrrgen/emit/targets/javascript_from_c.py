@@ -228,7 +228,7 @@ class _Unit:
             cursor.skip(_IGNORED)
         name = cursor.next().text
         if cursor.peek().text != "(":
-            type_ = self.dimensioned(cursor, base)
+            type_ = self.read_dimensions(cursor, base)
             self.tables[name] = self.table(name, type_, cursor.initial() if cursor.take("=") else [])
             cursor.expect(";")
             return
@@ -249,7 +249,7 @@ class _Unit:
             while not cursor.take("}"):
                 cursor.comments()
                 base, name = self.base(cursor), cursor.next().text
-                fields.append((name, self.dimensioned(cursor, base)))
+                fields.append((name, self.read_dimensions(cursor, base)))
                 cursor.expect(";")
                 cursor.comments()
             type_ = _Type("struct", fields=tuple(fields))
@@ -287,7 +287,7 @@ class _Unit:
         """Whether a declaration or a cast begins with ``token``."""
         return token.kind == "name" and (token.text in self.types or token.text in ("const", "static", "signed"))
 
-    def dimensioned(self, cursor: _Cursor, base: _Type) -> _Type:
+    def read_dimensions(self, cursor: _Cursor, base: _Type) -> _Type:
         """The type with the sizes of an array that follow its name."""
         sizes = []
         while cursor.take("["):
@@ -309,14 +309,14 @@ class _Unit:
 
     def _parameters(self, cursor: _Cursor) -> list[tuple[str, _Type]]:
         cursor.expect("(")
-        found: list[tuple[str, _Type]] = []
+        parameters: list[tuple[str, _Type]] = []
         if cursor.peek().text == "void" and cursor.peek(1).text == ")":
             cursor.next()
         while not cursor.take(")"):
             name, type_ = self.declarator(cursor, self.base(cursor))
-            found.append((name, _Type("pointer", type_.inner) if type_.kind == "array" else type_))
+            parameters.append((name, _Type("pointer", type_.inner) if type_.kind == "array" else type_))
             cursor.take(",")
-        return found
+        return parameters
 
     def declarator(self, cursor: _Cursor, base: _Type) -> tuple[str, _Type]:
         """Name and type of what is declared: a number, an array, or a pointer to one of them."""
@@ -325,11 +325,11 @@ class _Unit:
             cursor.skip(_IGNORED)
             name = cursor.next().text
             cursor.expect(")")
-            return name, _Type("pointer", self.dimensioned(cursor, base))
+            return name, _Type("pointer", self.read_dimensions(cursor, base))
         pointer = cursor.take("*")
         cursor.skip(_IGNORED)
         name = cursor.next().text
-        type_ = self.dimensioned(cursor, base)
+        type_ = self.read_dimensions(cursor, base)
         return name, _Type("pointer", type_) if pointer else type_
 
     def reserve(self, type_: _Type) -> int:
@@ -391,9 +391,9 @@ class _Cursor:
         return token
 
     def take(self, text: str) -> bool:
-        found = self.peek().text == text
-        self._at += found
-        return found
+        match = self.peek().text == text
+        self._at += match
+        return match
 
     def expect(self, text: str) -> None:
         if not self.take(text):
@@ -544,7 +544,7 @@ class _Translation:
         else:
             name, type_ = self.unit.declarator(cursor, self.unit.base(cursor))
             cursor.expect("=")
-            value = self._assigned().code
+            value = self._assignment().code
             begin = f"let {self._declare(name, type_)} = {value}"
         cursor.expect(";")
         return begin
@@ -606,7 +606,7 @@ class _Translation:
         name = cursor.next().text
         for text in (",", "0", ",", "sizeof", "(", name, ")", ")", ";"):
             cursor.expect(text)
-        value = self._known(name)
+        value = self._look_up(name)
         if value.type.kind == "struct":
             for field_name, type_ in value.type.fields:
                 place = f"{value.code}.{field_name}"
@@ -634,9 +634,9 @@ class _Translation:
             elif name in self._addressed:
                 self._scopes[-1][name] = _place(type_, (), self.unit.reserve(type_))
                 if cursor.take("="):
-                    self._line(f"{self._scopes[-1][name].code} = {self._assigned().code};")
+                    self._line(f"{self._scopes[-1][name].code} = {self._assignment().code};")
             else:
-                value = f" = {self._assigned().code}" if cursor.take("=") else ""
+                value = f" = {self._assignment().code}" if cursor.take("=") else ""
                 word = "const" if value and fixed and type_.kind != "pointer" else "let"
                 self._line(f"{word} {self._declare(name, type_)}{value};")
             if cursor.take(";"):
@@ -666,7 +666,7 @@ class _Translation:
             if cursor.peek().text == "{":
                 self._flat(values)
             else:
-                values.append(self._assigned().code)
+                values.append(self._assignment().code)
             cursor.take(",")
 
     def _declare(self, name: str, type_: _Type) -> str:
@@ -677,7 +677,7 @@ class _Translation:
 
     # -- expressions -----------------------------------------------------------------------------------------------
 
-    def _known(self, name: str) -> _Value:
+    def _look_up(self, name: str) -> _Value:
         for scope in reversed(self._scopes):
             if name in scope:
                 return scope[name]
@@ -686,18 +686,18 @@ class _Translation:
         raise InternalError(f"the emitted C has a name that is not understood: {name}")
 
     def _expression(self) -> _Value:
-        value = self._assigned()
+        value = self._assignment()
         while self._cursor.take(","):
-            value = _Value(f"{value.code}, {self._assigned().code}", _VOID, -1.0)
+            value = _Value(f"{value.code}, {self._assignment().code}", _VOID, -1.0)
         return value
 
-    def _assigned(self) -> _Value:
+    def _assignment(self) -> _Value:
         left = self._choice()
         sign = self._cursor.peek().text
         if sign not in _ASSIGNING:
             return left
         self._cursor.next()
-        right = self._assigned()
+        right = self._assignment()
         if sign in ("/=", "%=") and left.type.kind != "real":
             return _Value(f"{left.code} = Math.trunc({left.code} {sign[0]} {right.within(10.5)})", left.type, 0.0)
         return _Value(f"{left.code} {sign} {right.within(0.0)}", left.type, 0.0)
@@ -706,7 +706,7 @@ class _Translation:
         condition = self._binary(0)
         if not self._cursor.take("?"):
             return condition
-        first = self._assigned()
+        first = self._assignment()
         self._cursor.expect(":")
         second = self._choice()
         kinds = {first.type.kind, second.type.kind}
@@ -720,11 +720,11 @@ class _Translation:
         left = self._binary(level + 1)
         while self._cursor.peek().text in _LEVELS[level]:
             sign = self._cursor.next().text
-            left = self._joined(left, sign, self._binary(level + 1), level + 1.0)
+            left = self._combine(left, sign, self._binary(level + 1), level + 1.0)
         return left
 
     @staticmethod
-    def _joined(left: _Value, sign: str, right: _Value, level: float) -> _Value:
+    def _combine(left: _Value, sign: str, right: _Value, level: float) -> _Value:
         """Two values joined by an operator of the C level ``level``."""
         if left.type.kind in ("pointer", "array") and sign in ("+", "-"):
             inner, step = left.type.inner, right.within(10.0)
@@ -842,14 +842,14 @@ class _Translation:
             return self._primary()
         if cursor.peek().text == "(":
             return self._call(token.text)
-        return self._known(token.text)
+        return self._look_up(token.text)
 
     def _call(self, name: str) -> _Value:
         cursor = self._cursor
         cursor.expect("(")
         arguments = []
         while not cursor.take(")"):
-            arguments.append(self._assigned().code)
+            arguments.append(self._assignment().code)
             cursor.take(",")
         given = ", ".join(arguments)
         if name in _MATH:

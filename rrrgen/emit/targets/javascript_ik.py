@@ -17,7 +17,7 @@ from rrrgen.base.errors import InternalError
 from rrrgen.base.templates import render
 from rrrgen.emit.c.ik.files import emit
 from rrrgen.emit.interface import ATOM, PRODUCT, SUM, UNARY, Text
-from rrrgen.emit.printing import wrapped
+from rrrgen.emit.printing import wrap
 from rrrgen.emit.targets.javascript_from_c import Translation, translate
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.classify import tip_plans
@@ -50,10 +50,10 @@ if TYPE_CHECKING:
 
 def modules(spec: RobotSpec, identity: Identity) -> dict[str, str]:
     """The modules of the tip, named ``""``, and of every named tip that has a solver, by the name of the tip."""
-    found = {"": module(spec, identity)}
+    texts = {"": module(spec, identity)}
     for tip, (arm, _) in tip_plans(spec).items():
-        found[tip] = module(arm, identity)
-    return {name: text for name, text in found.items() if text is not None}
+        texts[tip] = module(arm, identity)
+    return {name: text for name, text in texts.items() if text is not None}
 
 
 def module(spec: RobotSpec, identity: Identity) -> str | None:
@@ -62,7 +62,7 @@ def module(spec: RobotSpec, identity: Identity) -> str | None:
     if spec.mechanism is not None and not plan.solvable:
         return None
     chain, solver, coupling = plan.chain, plan.solver, plan.coupling
-    kernels = _translated(spec, plan) if plan.general or coupling is not None else None
+    kernels = _translate_c(spec, plan) if plan.general or coupling is not None else None
     matrices = [[[float(x) for x in row] for row in matrix] for matrix in chain.transforms]
     axes = [
         {"name": joint.name, "revolute": joint.revolute, "sign": joint.sign, "offset": float(joint.offset)}
@@ -77,13 +77,16 @@ def module(spec: RobotSpec, identity: Identity) -> str | None:
         "javascript/ik.mjs.j2",
         identity=identity,
         name=spec.name,
-        title=wrapped(f"{plan.title[0].upper()}{plan.title[1:]}."),
-        reason=wrapped(_without(plan)),
+        title=wrap(f"{plan.title[0].upper()}{plan.title[1:]}."),
+        reason=wrap(_without(plan)),
         position=plan.task == "position",
         axes=[json.dumps(axis) for axis in axes],
         joints=[json.dumps(joint) for joint in joints],
         factors=None if coupling is None else [json.dumps(row) for row in coupling.matrix],
-        followers=[json.dumps({"along": each.factors, "lower": each.lower, "upper": each.upper}) for each in followers],
+        followers=[
+            json.dumps({"along": follower.factors, "lower": follower.lower, "upper": follower.upper})
+            for follower in followers
+        ],
         transforms=[json.dumps(matrix) for matrix in matrices],
         reach=repr(chain.reach),
         locked="null" if plan.locked in (None, ARM_ANGLE) else str(plan.locked),
@@ -100,7 +103,7 @@ def module(spec: RobotSpec, identity: Identity) -> str | None:
     )
 
 
-def _translated(spec: RobotSpec, plan: SolverPlan) -> Translation:
+def _translate_c(spec: RobotSpec, plan: SolverPlan) -> Translation:
     """The emitted C as JavaScript."""
     files, name = emit(spec, plan).files, spec.name
     arrays = {"target": 3 if plan.task == "position" else 16, "q_ref": plan.n}
@@ -182,7 +185,7 @@ class _Writer:
             self._line(f"const {results} = onto({ends}, {step.unit!r}, {self._reference(step.joint)}{bounds});")
             self._set(step.joint, *names)
         elif isinstance(step, GivenStep):
-            self._given(step, names)
+            self._write_given_joint(step, names)
         else:
             self._choice(step, names)
 
@@ -214,7 +217,7 @@ class _Writer:
         elif isinstance(step, PairStep | QuarticStep | PolynomialStep):
             self._set(step.joint, *names)
 
-    def _given(self, step: GivenStep, names: list[str]) -> None:
+    def _write_given_joint(self, step: GivenStep, names: list[str]) -> None:
         joint = step.joint
         raw = f"{'-' if joint.sign < 0 else ''}given{self._shift(float(joint.offset))}"
         values = [f"Math.cos({raw})", f"Math.sin({raw})"] if joint.revolute else [raw]

@@ -14,8 +14,8 @@ from rrrgen.base.templates import render
 from rrrgen.derive.derived_model import DerivedModel
 from rrrgen.derive.parameters.listing import listing as parameter_listing
 from rrrgen.emit.description import facts, programs_of, title
-from rrrgen.emit.expressions import PythonTarget, element_names, folded, listing, quoted
-from rrrgen.emit.printing import Names, mathematics, plain, port_text, with_free_ports, wrapped
+from rrrgen.emit.expressions import PythonTarget, element_names, escape_docstring, fold, listing
+from rrrgen.emit.printing import Names, mathematics, plain, port_text, with_free_ports, wrap
 from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
 from rrrgen.program import Op, Port, Program, count_operations
@@ -67,10 +67,12 @@ def _module(model: DerivedModel, identity: Identity) -> str:
         robot=spec.name,
         module=f"{spec.name}_jax",
         title=f"{heading[0].upper()}{heading[1:]}",
-        header=[line for name, text in facts(model, identity).items() for line in wrapped(quoted(f"{name}: {text}"))],
+        header=[
+            line for name, text in facts(model, identity).items() for line in wrap(escape_docstring(f"{name}: {text}"))
+        ],
         identity=identity,
         joints=_tuple("JOINTS", [json.dumps(joint.name) for joint in spec.joints]),
-        heading=wrapped(parameters.heading("beta")),
+        heading=wrap(parameters.heading("beta")),
         base_parameters=[
             (json.dumps(p.name), json.dumps(p.unit), json.dumps(mathematics(p.expression))) for p in parameters.beta
         ],
@@ -84,7 +86,7 @@ def _module(model: DerivedModel, identity: Identity) -> str:
 
 def _tuple(name: str, elements: list[str]) -> list[str]:
     """The lines that give ``name`` the tuple of these elements."""
-    return folded(f"{name} = ({', '.join(elements)}{',' if len(elements) == 1 else ''})")
+    return fold(f"{name} = ({', '.join(elements)}{',' if len(elements) == 1 else ''})")
 
 
 def _example(programs: Mapping[str, Program], n: int) -> list[str]:
@@ -111,7 +113,7 @@ def _function(program: Program) -> _JaxFunction:
     for port, given in zip(program.inputs, elements, strict=True):
         if port.shape:
             flat = port.name if len(port.shape) == 1 else f"{port.name}.ravel()"
-            body += folded(f"[{', '.join(given)}] = {flat}")
+            body += fold(f"[{', '.join(given)}] = {flat}")
     body += written.statements
     outputs = [
         (port, elements)
@@ -121,9 +123,9 @@ def _function(program: Program) -> _JaxFunction:
     for port, row in outputs:
         arguments = ", ".join(row)
         value = f"_array({port.shape}, kind, {arguments})" if port.shape else f"jnp.asarray({arguments}, kind)"
-        body += folded(f"{port.name} = {value}")
+        body += fold(f"{port.name} = {value}")
     returned = [port.name for port, _ in outputs]
-    results = [(port.name, quoted(_described(port))) for port, _ in outputs]
+    results = [(port.name, escape_docstring(_describe_port(port))) for port, _ in outputs]
     if program.status is not None:
         codes = tuple(failure.code for failure in program.status.failures)
         (value,) = written.results[program.status.output]
@@ -150,22 +152,22 @@ def _matrix_size(port: Port) -> tuple[int, int]:
 def _meaning_of_status(program: Program) -> str:
     assert program.status is not None
     failures = "; ".join(f"{failure.code} where {failure.meaning}" for failure in program.status.failures)
-    return quoted(f"0, or {failures}")
+    return escape_docstring(f"0, or {failures}")
 
 
 def _docstring(program: Program) -> str:
-    lines = wrapped(program.summary or program.name.replace("_", " "))
+    lines = wrap(program.summary or program.name.replace("_", " "))
     if program.formula:
         lines += ["", *(f"    {plain(line)}" for line in program.formula.splitlines())]
-    lines += ["", *(line for note in program.notes for line in wrapped(note))] if program.notes else []
-    lines += ["", "Args:", *(f"    {port.name}: {_described(port)}" for port in program.inputs)]
+    lines += ["", *(line for note in program.notes for line in wrap(note))] if program.notes else []
+    lines += ["", "Args:", *(f"    {port.name}: {_describe_port(port)}" for port in program.inputs)]
     if len(program.data_outputs) == 1 and program.status is None:
-        lines += ["", f"Returns: {_described(program.data_outputs[0])}"]
+        lines += ["", f"Returns: {_describe_port(program.data_outputs[0])}"]
     lines += ["", f"Operations: {count_operations(program)}."]
-    return quoted("\n".join(f"    {line}" if line else "" for line in lines).strip())
+    return escape_docstring("\n".join(f"    {line}" if line else "" for line in lines).strip())
 
 
-def _described(port: Port) -> str:
+def _describe_port(port: Port) -> str:
     """What a port is, its unit, its frame and its shape."""
     shape = f"shape {port.shape}" if port.shape else ""
     return port_text(port, shape)

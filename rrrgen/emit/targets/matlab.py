@@ -34,11 +34,11 @@ def _package_name(robot: str) -> str:
 
 
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
-    own = tuple(word for word in options.further if word != "gravity")
-    code = replace(emitted_code(spec, further=own, unit=options.unit), further=options.further)
+    words = tuple(word for word in options.further if word != "gravity")
+    code = replace(emitted_code(spec, further=words, unit=options.unit), further=options.further)
     files = _package(code)
     if "gravity" in options.further:
-        second = _package(any_gravity_code(spec, further=own))
+        second = _package(any_gravity_code(spec, further=words))
         files |= {f"any_gravity/{path}": text for path, text in second.items()}
     files["README.md"] = render("matlab/README.md.j2", **_values(code))
     return Exported(files)
@@ -91,8 +91,8 @@ def _shape(port: Port) -> str:
     """Shape of a port as a C initializer ``{matrices, rows, columns}``; a vector is one column, a scalar 1 x 1."""
     *stack, rows, columns = (1, 1, 1, *port.shape) if len(port.shape) > 1 else (1, 1, port.size, 1)
     count = 1
-    for each in stack:
-        count *= each
+    for size in stack:
+        count *= size
     return f"{{{count}, {rows}, {columns}}}"
 
 

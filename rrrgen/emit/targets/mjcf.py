@@ -165,7 +165,7 @@ def _notes(spec: RobotSpec) -> Iterator[str]:
         yield f"the limits of {', '.join(half)} are left out: MuJoCo limits a joint on both sides or not at all"
     names = {joint.name for joint in spec.joints}
     factors = () if spec.mechanism is None else zip(spec.rows, spec.mechanism.matrix, strict=True)
-    if any(row.name not in names and any(each) for row, each in factors):
+    if any(row.name not in names and any(coefficients) for row, coefficients in factors):
         yield "joints that follow others are held by equality constraints, which MuJoCo keeps softly"
     yield from unused_entries(spec)
 

@@ -58,10 +58,10 @@ def _rows(spec: RobotSpec) -> list[dict[str, Any]]:
     table = dh_rows(spec)
     behind = [NO_TWIST, *(row.behind for row in table[:-1])]
     rows = []
-    for j, (joint, last, own) in enumerate(zip(spec.joints, behind, table, strict=True), start=1):
-        twist = last.joined(own.before)
+    for j, (joint, last, dh_row) in enumerate(zip(spec.joints, behind, table, strict=True), start=1):
+        twist = last.compose(dh_row.before)
         row: dict[str, Any] = {"sigma": int(not joint.is_revolute), "alpha": twist.alpha, "d": twist.a}
-        row |= {"theta": own.theta, "r": own.d}
+        row |= {"theta": dh_row.theta, "r": dh_row.d}
         variable = "theta" if joint.is_revolute else "r"
         row[variable] = row[variable] + sp.Symbol(_variable(spec, joint, j), real=True)
         rows.append(row)
@@ -129,7 +129,7 @@ def _simple(value: sp.Expr) -> sp.Expr:
 
 def _dynamics(spec: RobotSpec, count: int) -> Iterator[str]:
     twists = [row.behind for row in dh_rows(spec, nominal=True)]
-    bodies = [_in_modified_frame(*each) for each in zip(spec.links, twists, strict=True)] if spec.links else []
+    bodies = [_in_modified_frame(*pair) for pair in zip(spec.links, twists, strict=True)] if spec.links else []
     padding = count - spec.n
     if bodies:
         for name in (*INERTIA, *MOMENTS, "M"):

@@ -73,10 +73,10 @@ def numeric_chain(spec: RobotSpec) -> NumericChain:
         joint, follows, direction = _motion(spec, i)
         place = (base if parent < 0 else behind[parent]) @ before
         fixed = spec.mechanism is not None and not any(spec.mechanism.matrix[i])
-        bodies.append(NumericBody(joint, parent, _cleaned(place), *inertia, follows, direction, fixed))
+        bodies.append(NumericBody(joint, parent, _zero_round_off(place), *inertia, follows, direction, fixed))
         behind.append(after)
     gravity = np.array([float(spec.nominal(g)) for g in spec.gravity])
-    tip = _cleaned(behind[spec.tip_row] @ homogeneous(spec, spec.tool))
+    tip = _zero_round_off(behind[spec.tip_row] @ homogeneous(spec, spec.tool))
     return NumericChain(tuple(bodies), tip, spec.tip_row, gravity)
 
 
@@ -123,7 +123,7 @@ def homogeneous(spec: RobotSpec, transform: FixedTransform) -> Array:
     return T
 
 
-def _cleaned(T: Array) -> Array:
+def _zero_round_off(T: Array) -> Array:
     T[np.abs(T) < _ROUND_OFF] = 0.0
     return T
 

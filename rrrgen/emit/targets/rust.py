@@ -25,7 +25,7 @@ from rrrgen.emit.printing import (
     port_text,
     print_body,
     with_free_ports,
-    wrapped,
+    wrap,
 )
 from rrrgen.program import Failure, Op, Port, Program, Status, count_operations
 from rrrgen.robot.identity import Identity
@@ -136,7 +136,7 @@ class _Rust:
         """The text of an element of an input, such as ``M[1][2]``."""
         return nested_element(port, element)
 
-    def unused(self, port: Port) -> str:
+    def discard(self, port: Port) -> str:
         """The statement that names a parameter which the function does not read, so that rustc does not warn."""
         return f"let _ = {port.name};"
 
@@ -190,12 +190,12 @@ def _source(model: DerivedModel, identity: Identity, real: Real) -> str:
 def _opening(model: DerivedModel, identity: Identity, precision: Mapping[str, str]) -> list[str]:
     spec = model.spec
     heading = title(spec)
-    lines = [*wrapped(f"{heading[0].upper()}{heading[1:]}."), ""]
-    lines += [*wrapped(spec.description), ""] if spec.description else []
+    lines = [*wrap(f"{heading[0].upper()}{heading[1:]}."), ""]
+    lines += [*wrap(spec.description), ""] if spec.description else []
     lines += [f"* {name}: {plain(text)}" for name, text in {**facts(model, identity), **precision}.items()]
     parameters = listing(model)
-    lines += ["", *wrapped("Matrices are arrays of rows. No function has state, allocates or panics.")]
-    lines += ["", *wrapped(parameters.heading("`beta: [Real; B]`")), "", "```text"]
+    lines += ["", *wrap("Matrices are arrays of rows. No function has state, allocates or panics.")]
+    lines += ["", *wrap(parameters.heading("`beta: [Real; B]`")), "", "```text"]
     lines += [
         f"beta[{k}]  {p.name}  {p.unit or '-'}  {mathematics(p.expression)}" for k, p in enumerate(parameters.beta)
     ]
@@ -229,7 +229,7 @@ def _signature(name: str, inputs: Sequence[str], result: str) -> str:
     line = f"pub fn {name}({', '.join(inputs)}) -> {result}"
     if len(line) <= _LONGEST_LINE or not inputs:
         return line
-    return "\n".join([f"pub fn {name}(", *(f"        {each}," for each in inputs), f"    ) -> {result}"])
+    return "\n".join([f"pub fn {name}(", *(f"        {argument}," for argument in inputs), f"    ) -> {result}"])
 
 
 def _initial(port: Port) -> str:
@@ -241,7 +241,7 @@ def _initial(port: Port) -> str:
 
 
 def _explanation(program: Program) -> list[str]:
-    lines = wrapped(program.summary or program.name.replace("_", " "))
+    lines = wrap(program.summary or program.name.replace("_", " "))
     if program.formula:
         lines += ["", "```text", *(plain(line) for line in program.formula.splitlines()), "```"]
     rows = [("argument", port) for port in program.inputs] + [("result", port) for port in program.data_outputs]
@@ -249,7 +249,9 @@ def _explanation(program: Program) -> list[str]:
     for word, port in rows:
         lines.append(f"* {word} `{port.name}`: {port_text(port)}")
     if program.status is not None:
-        cases = " or ".join(f"[`Failure::{_variant(each)}`] where {each.meaning}" for each in program.status.failures)
-        lines += ["", *wrapped(f"Fails with {cases}.")]
+        cases = " or ".join(
+            f"[`Failure::{_variant(failure)}`] where {failure.meaning}" for failure in program.status.failures
+        )
+        lines += ["", *wrap(f"Fails with {cases}.")]
     lines += ["", f"Operations: {count_operations(program)}."]
-    return lines + [line for note in program.notes for line in wrapped(note)]
+    return lines + [line for note in program.notes for line in wrap(note)]

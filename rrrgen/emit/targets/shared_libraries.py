@@ -59,8 +59,8 @@ class Platform:
 
 
 PLATFORMS = {
-    each.name: each
-    for each in (
+    platform.name: platform
+    for platform in (
         Platform("linux-x86_64", "x86_64-linux-gnu.2.17", "manylinux2014_x86_64", "linux64", ".so"),
         Platform("linux-aarch64", "aarch64-linux-gnu.2.17", "manylinux2014_aarch64", "", ".so"),
         Platform("macos-arm64", "aarch64-macos.11.0", "macosx_11_0_arm64", "", ".dylib"),
@@ -133,5 +133,5 @@ def _command(platform: Platform) -> list[str]:
 
 def _libraries(platform: Platform) -> list[str]:
     """Linker arguments: libraries to link with, and the user's own linker options."""
-    own = [] if platform.suffix == ".dll" else ["-lm"]
-    return own + shlex.split(os.environ.get("LDFLAGS", "")) * (not platform.zig)
+    libraries = [] if platform.suffix == ".dll" else ["-lm"]
+    return libraries + shlex.split(os.environ.get("LDFLAGS", "")) * (not platform.zig)

@@ -82,12 +82,12 @@ def _joint(body: NumericBody, parent: str, child: str, kinds: Mapping[str, str])
     lines = [f'  <joint name="{joint.name}" type="{kind}">', f"    {_origin(body.place)}"]
     lines += [*ends, f'    <axis xyz="{body.axis}"/>']
     limits = joint.limits
-    found = {"effort": limits.torque, "velocity": limits.velocity}
+    attributes = {"effort": limits.torque, "velocity": limits.velocity}
     if kind != "continuous":
-        found = {"lower": limits.lower, "upper": limits.upper, **found}
+        attributes = {"lower": limits.lower, "upper": limits.upper, **attributes}
     defaults = {"lower": f"-{NO_LIMIT}", **dict.fromkeys(("upper", "effort", "velocity"), NO_LIMIT)}
-    if kind != "continuous" or any(value is not None for value in found.values()):
-        texts = [f'{key}="{defaults[key] if value is None else number(value)}"' for key, value in found.items()]
+    if kind != "continuous" or any(value is not None for value in attributes.values()):
+        texts = [f'{key}="{defaults[key] if value is None else number(value)}"' for key, value in attributes.items()]
         lines.append(f"    <limit {' '.join(texts)}/>")
     if len(body.follows) > 1:
         leaders = " and ".join(name for name, _ in body.follows)

@@ -30,20 +30,20 @@ _HASH_DIGITS = 12  # of the model's hash, in the version of the package
 
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
     chosen = platforms(options.platforms)
-    own = tuple(word for word in options.further if word != "gravity")
-    code = replace(emitted_code(spec, options.real, own, options.unit), further=options.further)
+    words = tuple(word for word in options.further if word != "gravity")
+    code = replace(emitted_code(spec, options.real, words, options.unit), further=options.further)
     values = _values(code)
     modules = {"": code}
     if "gravity" in options.further:
-        modules["any_gravity"] = any_gravity_code(spec, options.real, own)
+        modules["any_gravity"] = any_gravity_code(spec, options.real, words)
     files: dict[str, Contents] = {}
     for platform in chosen:
         package: dict[str, Contents] = {"py.typed": ""}
-        for name, each in modules.items():
+        for name, module in modules.items():
             stem = f"{values['package']}_{name}" if name else values["package"]  # any_gravity.so would be imported
             library = f"{stem}{platform.suffix}"
-            package[f"{name or '__init__'}.py"] = render("wheel/module.py.j2", **_values(each), library=library)
-            package[library] = shared_library(each.files | loops(each), platform)
+            package[f"{name or '__init__'}.py"] = render("wheel/module.py.j2", **_values(module), library=library)
+            package[library] = shared_library(module.files | loops(module), platform)
         if options.unit is not None:
             package |= {"controller.py": options.unit.python, "controller.json": json.dumps(options.unit.description)}
         wheel = f"{values['package']}-{values['release']}-py3-none-{platform.tag}.whl"

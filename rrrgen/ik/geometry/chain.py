@@ -186,7 +186,7 @@ class KinematicChain:
         frames = [base]
         for joint, behind in zip(self.joints, after_joints, strict=True):
             x = joint.sign * float(q[joint.index]) + float(joint.offset)
-            moved = turned(frames[-1], cos(x), sin(x)) if joint.revolute else lifted(frames[-1], x)
+            moved = turn_about_z(frames[-1], cos(x), sin(x)) if joint.revolute else shift_along_z(frames[-1], x)
             frames.append(multiply(moved, behind))
         return frames
 
@@ -223,12 +223,12 @@ def multiply(A: Matrix, B: Matrix) -> Matrix:
     return tuple(rows)
 
 
-def turned(A: Matrix, c: Number, s: Number) -> Matrix:
+def turn_about_z(A: Matrix, c: Number, s: Number) -> Matrix:
     """The product ``A Rz(x)`` for the cosine ``c`` and the sine ``s`` of x."""
     return tuple((row[0] * c + row[1] * s, row[1] * c - row[0] * s, row[2], row[3]) for row in A)
 
 
-def lifted(A: Matrix, x: Number) -> Matrix:
+def shift_along_z(A: Matrix, x: Number) -> Matrix:
     """The product ``A Tz(x)``."""
     return tuple((*row[:3], row[3] + row[2] * x) for row in A)
 
@@ -242,7 +242,7 @@ def _rows(matrix: sp.Matrix) -> Matrix:
     return tuple(tuple(matrix[i, j] for j in range(4)) for i in range(3))
 
 
-def _twisted(link: Link, twist: Twist) -> Link:
+def _with_twist(link: Link, twist: Twist) -> Link:
     ca, sa = _trig(twist.alpha)
     return replace(link, a=twist.a, ca=ca, sa=sa)
 
@@ -262,14 +262,14 @@ def exact_chain(spec: RobotSpec, *, nominal: bool = True) -> KinematicChain:
     joints, links = [], []
     base, tip = _rows(spec.base.matrix().applyfunc(value)), _rows(spec.tool.matrix().applyfunc(value))
     if rows[0].before != NO_TWIST:
-        base = multiply(base, _twisted(Link(), rows[0].before).matrix())
+        base = multiply(base, _with_twist(Link(), rows[0].before).matrix())
     for i, (row, joint) in enumerate(zip(rows, spec.joints, strict=True)):
         offset = row.theta if row.revolute else row.d
         joints.append(Joint(i, row.revolute, offset, 1, joint.limits.lower, joint.limits.upper, joint.name))
         ct, st = (sp.S.One, sp.S.Zero) if row.revolute else _trig(row.theta)
-        own = Link(row.d if row.revolute else sp.S.Zero, ct=ct, st=st)
+        link = Link(row.d if row.revolute else sp.S.Zero, ct=ct, st=st)
         following = rows[i + 1].before if i + 1 < len(rows) else NO_TWIST
-        links.append(_twisted(own, row.behind.joined(following)))
+        links.append(_with_twist(link, row.behind.compose(following)))
     return KinematicChain(spec.name, base, tuple(joints), tuple(links[:-1]), multiply(links[-1].matrix(), tip))
 
 
@@ -309,7 +309,7 @@ def arm_angle(chain: KinematicChain, q: Any) -> float:
     for i, joint in enumerate(chain.joints):
         x = joint.sign * float(q[joint.index]) + float(joint.offset)
         after = chain.links[i].matrix() if i < chain.n - 1 else chain.tip
-        frames.append(multiply(turned(frames[-1], cos(x), sin(x)), after))
+        frames.append(multiply(turn_about_z(frames[-1], cos(x), sin(x)), after))
     shoulder = (0.0, 0.0, float(chain.links[0].d))
     away, across = ([float(row[3]) - x for row, x in zip(frames[k], shoulder, strict=True)] for k in (5, 3))
     size = hypot(*away)
@@ -333,7 +333,7 @@ def arm_angle(chain: KinematicChain, q: Any) -> float:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def extended(chain: KinematicChain, count: int, *, at_base: bool, shift: float, turn: int) -> KinematicChain:
+def extend_chain(chain: KinematicChain, count: int, *, at_base: bool, shift: float, turn: int) -> KinematicChain:
     """Extend ``chain`` by ``count`` virtual revolute joints after its last joint (or before its first, ``at_base``).
 
     Each axis meets its neighbour at a right angle and two of them meet in one point, so that together with a revolute

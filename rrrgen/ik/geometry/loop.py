@@ -26,7 +26,7 @@ from rrrgen.ik.geometry.rigid_transforms import (
     rotate_z,
     screw,
     total,
-    transposed,
+    transpose,
 )
 from rrrgen.ik.recording.builder import DerivationBuilder, Turn
 
@@ -72,7 +72,7 @@ def apply(link: AnyLink, v: Vector) -> Vector:
     return link.apply(v) if isinstance(link, Closing) else link.rigid().apply(v)
 
 
-def turned(link: AnyLink, v: Vector) -> Vector:
+def rotate_by_link(link: AnyLink, v: Vector) -> Vector:
     """Rotate the direction ``v`` by ``link``, without its translation."""
     return link.turn(v) if isinstance(link, Closing) else rotate(link.rigid().R, v)
 
@@ -87,11 +87,11 @@ class Loop:
     joints: tuple[Joint, ...]
     links: tuple[AnyLink, ...]
 
-    def started(self, k: int) -> Loop:
+    def start_at(self, k: int) -> Loop:
         """The same loop numbered from joint ``k``."""
         return Loop(self.joints[k:] + self.joints[:k], self.links[k:] + self.links[:k])
 
-    def reversed(self) -> Loop:
+    def reverse(self) -> Loop:
         """The same loop in the opposite direction: the last joint comes first, links are inverted."""
         links = [link.inverse() for link in self.links]
         return Loop(tuple(backwards(j) for j in reversed(self.joints)), (*reversed(links[:-1]), links[-1]))
@@ -111,7 +111,7 @@ def close(b: DerivationBuilder, chain: KinematicChain) -> Loop:
 def lock(b: DerivationBuilder, loop: Loop, k: int) -> Loop:
     """Remove joint ``k``, whose value the caller prescribes: its transform becomes part of the link before it."""
     joint = loop.joints[k]
-    value = b.given(joint)
+    value = b.redundancy_parameter(joint)
     middle = screw(value.c, value.s) if isinstance(value, Turn) else screw(1, 0, value)
     before, after = loop.links[k - 1], loop.links[k]
     merged = Closing((*factors(before), middle, *factors(after)))
@@ -126,7 +126,7 @@ def factors(link: AnyLink) -> tuple[Rigid, ...]:
     return link.factors if isinstance(link, Closing) else (link.rigid(),)
 
 
-def straightened(loop: Loop) -> Loop:
+def straighten(loop: Loop) -> Loop:
     """Move the rotations about z at the ends of constant links into the offsets of the neighbouring revolute joints."""
     joints, links = list(loop.joints), list(loop.links)
     for i, link in enumerate(links):
@@ -148,7 +148,7 @@ def _plain(end: tuple[S, S, S]) -> bool:
     return bool(end[0] == 1 and end[1] == 0)
 
 
-def commuted(loop: Loop, i: int, direction: int) -> Loop | None:
+def commute_joints(loop: Loop, i: int, direction: int) -> Loop | None:
     """Exchange prismatic joint ``i`` with a neighbouring revolute joint of parallel axis; None where not possible.
 
     The neighbour is the next joint if ``direction`` is positive, otherwise the one before. Tz commutes with Rz and, up
@@ -156,8 +156,8 @@ def commuted(loop: Loop, i: int, direction: int) -> Loop | None:
     """
     if direction < 0:
         m = len(loop.joints)
-        moved = commuted(loop.reversed(), m - 1 - i, 1)
-        return None if moved is None else moved.reversed()
+        moved = commute_joints(loop.reverse(), m - 1 - i, 1)
+        return None if moved is None else moved.reverse()
     if i + 1 >= len(loop.joints):
         return None
     slider, neighbour = loop.joints[i], loop.joints[i + 1]
@@ -220,5 +220,5 @@ def _identity(R: Rotation) -> bool:
 def rotated_back(path: list[Turn | Rotation], v: Vector) -> Vector:
     """Components of the direction ``v`` in the frame at the end of the sequence: the inverse rotations are applied."""
     for part in path:
-        v = rotate_z(part.c, -part.s, v) if isinstance(part, Turn) else rotate(transposed(part), v)
+        v = rotate_z(part.c, -part.s, v) if isinstance(part, Turn) else rotate(transpose(part), v)
     return v

@@ -12,7 +12,7 @@ import sympy as sp
 
 from rrrgen.base.errors import DerivationError
 from rrrgen.ik.geometry.chain import Joint, KinematicChain, Link, Matrix, multiply, numeric_chain, translation
-from rrrgen.ik.geometry.nearly_special import pierced
+from rrrgen.ik.geometry.nearly_special import parallel_link
 from rrrgen.ik.tolerances import EXACT, NEARLY_PARALLEL, SHORTER
 from rrrgen.robot.model.mechanism import FollowerLimits, chain_to_tip, coupling_to_tip, follower_limits
 
@@ -60,11 +60,11 @@ def _without(chain: KinematicChain, k: int) -> KinematicChain:
         links.pop()
     else:
         K = multiply(multiply(between[k - 1], motion), between[k])
-        tilted, joint = _tilted(K, chain.reach), joints[k]
-        link, angle, shift = _common_perpendicular(K) if _sine(K) >= EXACT and not tilted else pierced(K)
+        tilted, joint = _is_tilted(K, chain.reach), joints[k]
+        link, angle, shift = _common_perpendicular(K) if _sine(K) >= EXACT and not tilted else parallel_link(K)
         true = multiply(multiply(K, _turn(-angle)), translation((0.0, 0.0, -shift))) if tilted else link.matrix()
         if not tilted:
-            joints[k - 1], link = _begun(joints[k - 1], link)
+            joints[k - 1], link = _absorb_into_offset(joints[k - 1], link)
             true = link.matrix()
         joints[k] = replace(joint, offset=float(joint.offset) + (angle if joint.revolute else shift))
         left = translation((0.0, 0.0, shift)) if joint.revolute else _turn(angle)  # commutes with the joint's motion
@@ -86,7 +86,7 @@ def _sine(K: Matrix) -> float:
     return hypot(float(K[0][2]), float(K[1][2]))
 
 
-def _tilted(K: Matrix, reach: float) -> bool:
+def _is_tilted(K: Matrix, reach: float) -> bool:
     """Whether the axes before and behind ``K`` are so nearly parallel that their common perpendicular is far away."""
     if not EXACT <= _sine(K) < NEARLY_PARALLEL:
         return False
@@ -94,7 +94,7 @@ def _tilted(K: Matrix, reach: float) -> bool:
     return along >= SHORTER * reach * _sine(K) ** 2  # it meets the second axis at along/sine^2 from the frame behind K
 
 
-def _begun(joint: Joint, link: Link) -> tuple[Joint, Link]:
+def _absorb_into_offset(joint: Joint, link: Link) -> tuple[Joint, Link]:
     """Move the rotation, of a revolute ``joint``, or shift with which ``link`` begins into the offset of the joint."""
     if joint.revolute:
         turn = atan2(float(link.st), float(link.ct))
@@ -118,12 +118,12 @@ def _turn(angle: float) -> Matrix:
 
 def largest_tilt(chain: KinematicChain) -> float:
     """The largest difference (rad, or parts of the reach) of ``chain.between`` from the links."""
-    found = [0.0]
+    differences = [0.0]
     for link, true in zip(chain.links, chain.between, strict=True) if chain.between else ():
         for row, value in zip(link.matrix(), true, strict=True):
             apart = [abs(float(x) - float(y)) for x, y in zip(row, value, strict=True)]
-            found += [*apart[:3], apart[3] / chain.reach]
-    return max(found)
+            differences += [*apart[:3], apart[3] / chain.reach]
+    return max(differences)
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -146,7 +146,7 @@ def without_telescopes(chain: KinematicChain, S: sp.Matrix) -> tuple[KinematicCh
     while k < chain.n - 1:
         joined = _joined_rows(chain, S, k) if _slides_on(chain, k) else S
         if joined.rows < S.rows and joined.rank() == S.rank():
-            chain, S = _joined(chain, k), joined
+            chain, S = _merge_joints(chain, k), joined
         else:
             k += 1
     return chain, S
@@ -170,7 +170,7 @@ def _direction(chain: KinematicChain, k: int) -> int:
     return same * chain.joints[k].sign * chain.joints[k + 1].sign
 
 
-def _joined(chain: KinematicChain, k: int) -> KinematicChain:
+def _merge_joints(chain: KinematicChain, k: int) -> KinematicChain:
     """The chain with joints ``k`` and ``k + 1`` as one; frames behind them may move along and about their axes."""
     one, other, link = chain.joints[k], chain.joints[k + 1], chain.links[k].matrix()
     offset = float(one.offset) + (1 if float(chain.links[k].ca) > 0.0 else -1) * float(other.offset)
@@ -275,8 +275,8 @@ class Coupling:
 
     def leader(self, row: int) -> int | None:
         """The one joint of q that ``row`` follows; None if it follows several."""
-        found = [k for k, factor in enumerate(self.matrix[row]) if factor]
-        return found[0] if len(found) == 1 else None
+        leaders = [k for k, factor in enumerate(self.matrix[row]) if factor]
+        return leaders[0] if len(leaders) == 1 else None
 
 
 def solved_chain(spec: RobotSpec) -> tuple[KinematicChain, sp.Matrix]:
@@ -321,7 +321,7 @@ def coupling_of(spec: RobotSpec, chain: KinematicChain, S: sp.Matrix) -> Couplin
     )
 
 
-def uncoupled(chain: KinematicChain) -> Coupling:
+def identity_coupling(chain: KinematicChain) -> Coupling:
     """The coupling ``y = q`` of an arm, whose joints all have a drive of their own."""
     joints = chain.joints
     identity = tuple(tuple(float(i == j) for j in range(chain.n)) for i in range(chain.n))
@@ -343,14 +343,14 @@ def _floats(matrix: sp.Matrix) -> Rows:
 
 def _full_turns(S: sp.Matrix, turning: list[int]) -> list[sp.Rational]:
     """For each q the least number of turns after which all angles of the rows have made full turns; 0 if none."""
-    found: list[sp.Rational] = []
+    turns: list[sp.Rational] = []
     for k in range(S.cols):
         column = {i: sp.Rational(S[i, k]) for i in turning if S[i, k] != 0}
         free = len(column) == sum(S[i, k] != 0 for i in range(S.rows))
         # the least t > 0 for which every column[i] t is whole
         ratios = [(int(abs(value.p)), int(value.q)) for value in column.values()]
-        found.append(sp.Rational(lcm(*(q for _, q in ratios)), gcd(*(p for p, _ in ratios))) if free else sp.S.Zero)
-    return found
+        turns.append(sp.Rational(lcm(*(q for _, q in ratios)), gcd(*(p for p, _ in ratios))) if free else sp.S.Zero)
+    return turns
 
 
 def _turns_until_alike(rows: sp.Matrix, step: sp.Matrix, turning: list[int], turns: list[sp.Rational]) -> int:

@@ -21,7 +21,7 @@ from rrrgen.ik.tolerances import NEARLY_PARALLEL, SHORTER
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def snapped(chain: KinematicChain, tolerance: float) -> KinematicChain:
+def snap_chain(chain: KinematicChain, tolerance: float) -> KinematicChain:
     """Set the lengths below ``tolerance`` times the reach, and sines and cosines below ``tolerance``, to zero."""
     least = tolerance * chain.reach
     return replace(chain, links=tuple(_snap(link, least, tolerance) for link in chain.links), between=())
@@ -69,7 +69,7 @@ def with_near_frames(chain: KinematicChain) -> KinematicChain:
 
     The displacements are recorded in the field ``slides`` of the result.
     """
-    level, slides = _levelled(chain)
+    level, slides = _level_axes(chain)
     return replace(chain, slides=slides) if level.reach * SHORTER < chain.reach else chain
 
 
@@ -78,10 +78,10 @@ def nearest_special(chain: KinematicChain, tolerance: float) -> KinematicChain:
 
     Where frames lie far away, nearly parallel axes become parallel whatever the tolerance is.
     """
-    return snapped(_levelled(chain)[0] if chain.slides else chain, tolerance)
+    return snap_chain(_level_axes(chain)[0] if chain.slides else chain, tolerance)
 
 
-def _levelled(chain: KinematicChain) -> tuple[KinematicChain, tuple[float, ...]]:
+def _level_axes(chain: KinematicChain) -> tuple[KinematicChain, tuple[float, ...]]:
     """The chain with nearly parallel axes made parallel, and the displacement of each frame along its axis (m)."""
     links, slides = [], [0.0]
     c, s, shift = 1.0, 0.0, 0.0  # what is left of the link before: Rz Tz in the frame of the joint
@@ -90,7 +90,7 @@ def _levelled(chain: KinematicChain) -> tuple[KinematicChain, tuple[float, ...]]
         moved = replace(link, d=float(link.d) + shift, ct=ct, st=st)
         c, s, shift = 1.0, 0.0, 0.0
         if abs(float(link.sa)) < NEARLY_PARALLEL and chain.joints[i].revolute and chain.joints[i + 1].revolute:
-            moved, rest, shift = pierced(moved.matrix())
+            moved, rest, shift = parallel_link(moved.matrix())
             c, s = cos(rest), sin(rest)
         links.append(moved)
         slides.append(-shift)
@@ -103,7 +103,7 @@ def _levelled(chain: KinematicChain) -> tuple[KinematicChain, tuple[float, ...]]
     return level, tuple(slides)
 
 
-def pierced(M: Matrix) -> tuple[Link, float, float]:
+def parallel_link(M: Matrix) -> tuple[Link, float, float]:
     """Replace the transform ``M`` between nearly parallel axes by a link between parallel axes: (link, angle, shift).
 
     The link ends where the second axis pierces the plane of the first frame. ``Rz(angle) Tz(shift)`` leads from there
@@ -141,15 +141,15 @@ def changes(chain: KinematicChain, special: KinematicChain) -> tuple[str, ...]:
 
     A phrase says by how much ``chain`` is off, as in "axes 2 and 3 parallel (off by 0.001 rad)".
     """
-    found = []
-    level = _levelled(chain)[0] if chain.slides else chain
-    for k, (link, own, snap) in enumerate(zip(chain.links, level.links, special.links, strict=True), 1):
+    phrases = []
+    level = _level_axes(chain)[0] if chain.slides else chain
+    for k, (link, level_link, snap) in enumerate(zip(chain.links, level.links, special.links, strict=True), 1):
         if float(link.sa) and not float(snap.sa):
-            found.append(f"axes {k} and {k + 1} parallel (off by {abs(float(link.sa)):.2g} rad)")
+            phrases.append(f"axes {k} and {k + 1} parallel (off by {abs(float(link.sa)):.2g} rad)")
         if float(link.ca) and not float(snap.ca):
-            found.append(f"axes {k} and {k + 1} at a right angle (off by {abs(float(link.ca)):.2g} rad)")
-        if float(own.a) and not float(snap.a):
-            found.append(f"axes {k} and {k + 1} meeting (off by {abs(float(own.a)):.2g} m)")
-        if float(own.d) and not float(snap.d):
-            found.append(f"no offset along axis {k} (off by {abs(float(own.d)):.2g} m)")
-    return tuple(found)
+            phrases.append(f"axes {k} and {k + 1} at a right angle (off by {abs(float(link.ca)):.2g} rad)")
+        if float(level_link.a) and not float(snap.a):
+            phrases.append(f"axes {k} and {k + 1} meeting (off by {abs(float(level_link.a)):.2g} m)")
+        if float(level_link.d) and not float(snap.d):
+            phrases.append(f"no offset along axis {k} (off by {abs(float(level_link.d)):.2g} m)")
+    return tuple(phrases)

@@ -95,7 +95,7 @@ def column(R: Rotation, j: int) -> Vector:
     return (R[0][j], R[1][j], R[2][j])
 
 
-def transposed(R: Rotation) -> Rotation:
+def transpose(R: Rotation) -> Rotation:
     """The transpose of ``R``, which is the inverse rotation."""
     return (column(R, 0), column(R, 1), column(R, 2))
 
@@ -138,13 +138,13 @@ class Rigid:
 
     def __matmul__(self, other: Rigid) -> Rigid:
         columns = [rotate(self.R, column(other.R, j)) for j in range(3)]
-        return Rigid(transposed((columns[0], columns[1], columns[2])), self.apply(other.t))
+        return Rigid(transpose((columns[0], columns[1], columns[2])), self.apply(other.t))
 
     def inverse(self) -> Rigid:
         """The inverse transform."""
         if self.undo is not None:
             return self.undo
-        R = transposed(self.R)
+        R = transpose(self.R)
         moved = rotate(R, self.t)
         return Rigid(R, (-moved[0], -moved[1], -moved[2]), self)
 

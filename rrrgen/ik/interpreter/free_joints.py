@@ -39,7 +39,7 @@ class FreeJoints:
         self._accuracy, self._limits = accuracy, limits
         self._goal = max(SEARCH["reopened"] * accuracy * accuracy, TOLERANCE["accept"])
 
-    def reopened(self, rows: Sequence[CandidateRow]) -> list[CandidateRow]:
+    def resolve(self, rows: Sequence[CandidateRow]) -> list[CandidateRow]:
         """The candidates ``rows``; those that have a free joint are replaced by one with this joint at its reference.
 
         Such candidates are computed with a growing threshold below which the direction of a short vector counts as
@@ -169,7 +169,7 @@ class FreeJoints:
         Unless the joint has no effect on the tip, another joint with the same axis turns back by the same amount,
         within its own limits; if there is none, nothing moves.
         """
-        near, x = 4 * TOLERANCE["doubt"], limits.clamped(self._query.reference[j], j)
+        near, x = 4 * TOLERANCE["doubt"], limits.clamp(self._query.reference[j], j)
         _, columns = self._task.error(q)
         if sum(map(abs, columns[j])) < near:
             return [*q[:j], x, *q[j + 1 :]]
@@ -186,7 +186,7 @@ class FreeJoints:
         other = q[partner] + sense * (x - q[j])
         if width < 2 * pi and (other - low) % (2 * pi) > width:  # the partner is outside: move it to one of its limits
             ends = (x + sense * ((low - other) % (2 * pi)), x - sense * ((other - low - width) % (2 * pi)))
-            inside = [end for end in ends if end == limits.clamped(end, j)]
+            inside = [end for end in ends if end == limits.clamp(end, j)]
             if not inside:
                 return q
             x = min(inside, key=lambda end: abs(end - x))
@@ -205,14 +205,14 @@ class FreeJoints:
         def excess(x: float) -> float:
             return self._solution_with(j, x, limits, wide, least)[1]
 
-        start = limits.clamped(self._query.reference[j], j)
+        start = limits.clamp(self._query.reference[j], j)
         ends = []
         for side in (-1, 1):
             back = middle = start
             before = now = excess(start)
             dips = 0
             for k in range(1, int(SEARCH["limit_steps"]) + 1):
-                front = limits.clamped(start + side * k * SEARCH["limit_step"], j)
+                front = limits.clamp(start + side * k * SEARCH["limit_step"], j)
                 ahead = excess(front)
                 bad, good, deep = middle, front, ahead
                 if ahead > 0.0 and k > 1 and now <= before and now <= ahead and dips < SEARCH["limit_dips"]:

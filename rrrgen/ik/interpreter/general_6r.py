@@ -14,21 +14,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrrgen.ik.geometry.chain import IDENTITY, Matrix, inverse, lifted, multiply, turned
+from rrrgen.ik.geometry.chain import IDENTITY, Matrix, inverse, multiply, shift_along_z, turn_about_z
 from rrrgen.ik.interpreter.candidates import CandidateRow, Query
 from rrrgen.ik.interpreter.task import PATIENT, USUAL, Task
-from rrrgen.ik.recording.float_builder import FREE, MULTIPLE, SEARCH, TOLERANCE, wrapped
+from rrrgen.ik.recording.float_builder import FREE, MULTIPLE, SEARCH, TOLERANCE, wrap
 from rrrgen.ik.solutions.elimination import (
     LINE,
     PLANAR,
     HalfAngles,
-    carried,
     constant_links,
     in_half_angles,
-    numbered,
     numbering,
     pencil,
-    spread,
+    relabel_transforms,
+    rotate_features,
+    transform_features,
 )
 from rrrgen.ik.solutions.general_6r import passes, shifts, tables_of
 from rrrgen.ik.tolerances import elimination
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 ELIMINATION = elimination()
 
-ORIGIN, ODD = atan2(0.96, 0.28), turned(IDENTITY, 0.28, 0.96)
+ORIGIN, ODD = atan2(0.96, 0.28), turn_about_z(IDENTITY, 0.28, 0.96)
 """Angles of the loop are counted from this direction (rad): at round angles the tangent of a half is then finite."""
 
 AXIAL = (3, 4, 7, 10, 11, 14)
@@ -92,7 +92,7 @@ class General6R:
             total = self._complete(roles)
             here = here if roles[-1] > 0 else total
             gains = [_smallest_gain(self._task, row.q) for row in self._rows]
-            self.certain = here in (len(gains), self._weighed(gains))
+            self.certain = here in (len(gains), self._count_solutions(gains))
             if self.certain:
                 break
         for row in self._rows:
@@ -112,18 +112,18 @@ class General6R:
         free = np.abs(np.linalg.svd(_moving(task, row.q))[2][-1])
         j = [k for k in range(chain.n) if k != self._locked][int(np.argmax(free))]
 
-        def moved(q: Sequence[float], by: float, left: str = "followed") -> list[float] | None:
+        def move_joint(q: Sequence[float], by: float, left: str = "followed") -> list[float] | None:
             x = [*q[:j], q[j] + by, *q[j + 1 :]]
             return task.reaches(x, ELIMINATION[left] ** 2, int(ELIMINATION["steps"]), frozenset({j}))
 
         small = TOLERANCE["turn"] * task.units[j]
-        if moved(row.q, small) is None and moved(row.q, -small) is None:
-            nearly = any(moved(row.q, by, "nearly") is not None for by in (small, -small))
+        if move_joint(row.q, small) is None and move_joint(row.q, -small) is None:
+            nearly = any(move_joint(row.q, by, "nearly") is not None for by in (small, -small))
             return None if nearly else False
         steps, by = int(SEARCH["path_steps"]), self._query.reference[j] - row.q[j]
         q: list[float] | None = row.q
         for _ in range(steps):
-            q = None if q is None else moved(q, (wrapped(by) if chain.joints[j].revolute else by) / steps)
+            q = None if q is None else move_joint(q, (wrap(by) if chain.joints[j].revolute else by) / steps)
         row.q = row.q if q is None else q
         return True
 
@@ -135,7 +135,7 @@ class General6R:
         x, y, z = (row[3] + last * row[2] for row in self._pose)
         return hypot(x, y, z - first) > longest
 
-    def _weighed(self, gains: Sequence[float]) -> int:
+    def _count_solutions(self, gains: Sequence[float]) -> int:
         """Number of solutions, where a singular one counts twice unless its other half is listed as well."""
         total = len(gains)
         for k, gain in enumerate(gains):
@@ -151,12 +151,12 @@ class General6R:
         loop = [*self._links[:5], multiply(self._links[5], inverse(multiply(self._pose, _nudge(motion))))]
         order = numbering(start, direction)
         slide = None if self._tables.slide is None else order.index(self._tables.slide)
-        e = [x if k == slide else multiply(ODD, x) for k, x in enumerate(numbered(loop, start, direction))]
+        e = [x if k == slide else multiply(ODD, x) for k, x in enumerate(relabel_transforms(loop, start, direction))]
         total = 0
         for root in _roots(e, (kept, shifted, other), slide):
             total += root.count
             for trial in root.trials:
-                joints = _completed(e, trial, slide)
+                joints = _complete_joints(e, trial, slide)
                 q = [direction * (x * self._tables.length if k == slide else x + ORIGIN) for k, x in enumerate(joints)]
                 self._settle([q[order.index(k)] for k in range(6)], patient=motion > 0)
         return total if total % 2 == 0 else -1
@@ -164,7 +164,7 @@ class General6R:
     def _settle(self, angles: Sequence[float], *, patient: bool) -> None:
         """Refine a trial solution, given by the joints of the elimination, and add the result if it is new."""
         slide = self._tables.slide
-        q = [x + y if k == slide else wrapped(x + y) for k, (x, y) in enumerate(zip(angles, self._shifts, strict=True))]
+        q = [x + y if k == slide else wrap(x + y) for k, (x, y) in enumerate(zip(angles, self._shifts, strict=True))]
         if self._locked is not None:
             q.insert(0 if self._locked == 0 else 6, self._query.given)
         q, error = self._task.refine(q, *(PATIENT if patient else USUAL))
@@ -201,7 +201,7 @@ def _inner_pose(plan: SolverPlan, query: Query) -> Matrix:
     if plan.locked is not None:
         joint, link = chain.joints[plan.locked], chain.links[0 if plan.locked == 0 else -1].matrix()
         x = query.given + float(joint.offset)
-        moved = turned(IDENTITY, cos(x), sin(x)) if joint.revolute else lifted(IDENTITY, x)
+        moved = turn_about_z(IDENTITY, cos(x), sin(x)) if joint.revolute else shift_along_z(IDENTITY, x)
         if plan.locked == 0:
             pose = multiply(inverse(multiply(moved, link)), pose)
         else:
@@ -216,7 +216,7 @@ def _roots(e: Sequence[Any], roles: tuple[int, int, int], slide: int | None) -> 
     other, ``slide`` (2 .. 4) which of its joints is prismatic.
     """
     equations = pencil(e, None if slide is None else slide - 2)
-    m = _doubled(in_half_angles(equations, roles, slides=slide is not None))
+    m = _dialytic_matrices(in_half_angles(equations, roles, slides=slide is not None))
     tangents, vectors = _eigenvalues(m / np.abs(m).max(axis=(0, 2))[None, :, None])
     with np.errstate(divide="ignore", invalid="ignore"):  # the elimination adds roots +-i, which are no angles
         angles, near = 2.0 * np.arctan(tangents), ELIMINATION["cluster"]
@@ -227,17 +227,17 @@ def _roots(e: Sequence[Any], roles: tuple[int, int, int], slide: int | None) -> 
             clusters[-1].append(k)
         else:
             clusters.append([k])
-    found = []
+    roots = []
     for cluster in clusters:
         pairs, unreal = _pairs(vectors[cluster], slides=slide is not None)
         kept = float(angles[cluster].real.mean())
         trials = [tuple(value for _, value in sorted(zip(roles, (kept, *pair), strict=True))) for pair in pairs]
         real = len(cluster) > 1 or abs(float(angles[cluster[0]].imag)) < ELIMINATION["real"]
-        found.append(Root(tuple(trials), len(cluster) - unreal if real else 0))  # type: ignore[arg-type]
-    return found
+        roots.append(Root(tuple(trials), len(cluster) - unreal if real else 0))  # type: ignore[arg-type]
+    return roots
 
 
-def _doubled(h: HalfAngles) -> Any:
+def _dialytic_matrices(h: HalfAngles) -> Any:
     """The 12 x 12 matrices of the six equations and of the same times x, shape (3, 12, 12), for 1, cos and sin.
 
     At a solution their sum is singular: it multiplies the vector of all x^i y^j, i = 0 .. 3, j = 0 .. 2, to zero.
@@ -263,9 +263,9 @@ def _pairs(vectors: Any, *, slides: bool) -> tuple[list[tuple[float, float]], in
         span = left[:, : max(1, min(len(vectors), int((size > ELIMINATION["mixed"] * size[0]).sum())))]
         maps = [np.linalg.lstsq(low, high, rcond=None)[0] for low, high in (_by_x(span), _by_y(span))]
         maps += [0.8 * maps[0] - 0.6 * maps[1], 0.47 * maps[0] + 0.88 * maps[1]]
-        parts = [np.linalg.eig(each) for each in maps]
+        parts = [np.linalg.eig(matrix) for matrix in maps]
         unlike = [np.abs(values.imag) > ELIMINATION["unreal"] * (1.0 + np.abs(values.real)) for values, _ in parts[2:]]
-        unreal = int(min(each.sum() for each in unlike))
+        unreal = int(min(mask.sum() for mask in unlike))
         parted = ((_by_x(span), maps[0]), (_by_y(span), maps[1]))
         error = sum(float(np.abs(low @ x - high).max()) for (low, high), x in parted)
         unreal = unreal if error < ELIMINATION["mapped"] ** 0.5 else 0  # else the solutions are a continuum
@@ -320,7 +320,7 @@ def _ratio(low: Any, high: Any) -> tuple[float, float, float]:
     return sin(half), cos(half), 1.0 - (difference**2 + twice**2) / whole**2
 
 
-def _completed(e: Sequence[Any], joints: Sequence[float], slide: int | None) -> list[float]:
+def _complete_joints(e: Sequence[Any], joints: Sequence[float], slide: int | None) -> list[float]:
     """All six joints of a labelling from its joints 3, 4, 5; ``slide`` (0 .. 5) is the prismatic one.
 
     Joint 2 follows by least squares from the features of axis 6 that joint 1 does not change, joint 1 from those that
@@ -328,10 +328,10 @@ def _completed(e: Sequence[Any], joints: Sequence[float], slide: int | None) -> 
     """
     inner = e[1]
     for k, x in enumerate(joints, 2):
-        inner = multiply(lifted(inner, x) if k == slide else turned(inner, cos(x), sin(x)), e[k])
+        inner = multiply(shift_along_z(inner, x) if k == slide else turn_about_z(inner, cos(x), sin(x)), e[k])
     goal = inverse(e[5])
-    near = np.array([carried(e[0], part) for part in spread(carried(inner, LINE), 1.0)])
-    far = np.array(carried(goal, LINE))
+    near = np.array([transform_features(e[0], part) for part in rotate_features(transform_features(inner, LINE), 1.0)])
+    far = np.array(transform_features(goal, LINE))
     axial = list(AXIAL)
     (c2, s2), *_ = np.linalg.lstsq(near[1:, axial].T, far[axial] - near[0, axial], rcond=None)
     second = atan2(s2, c2)
@@ -339,7 +339,9 @@ def _completed(e: Sequence[Any], joints: Sequence[float], slide: int | None) -> 
     planar, across = list(PLANAR), [k + 1 for k in PLANAR]
     (a, b), (c, d) = (now[planar], now[across]), (far[planar], far[across])
     first = atan2(float(a @ d - b @ c), float(a @ c + b @ d))
-    moved = multiply(turned(multiply(turned(IDENTITY, cos(first), sin(first)), e[0]), cos(second), sin(second)), inner)
+    moved = multiply(
+        turn_about_z(multiply(turn_about_z(IDENTITY, cos(first), sin(first)), e[0]), cos(second), sin(second)), inner
+    )
     left = multiply(inverse(moved), goal)
     return [first, second, *joints, atan2(left[1][0] - left[0][1], left[0][0] + left[1][1])]
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from rrrgen.ik.geometry.chain import translation
 from rrrgen.ik.interpreter.candidates import CandidateRow, Query, candidates
 from rrrgen.ik.interpreter.free_joints import FreeJoints
-from rrrgen.ik.interpreter.task import DESCENT, PATIENT, USUAL, PositionLimits, Task, repaired
+from rrrgen.ik.interpreter.task import DESCENT, PATIENT, USUAL, PositionLimits, Task, orthonormalize
 from rrrgen.ik.recording.float_builder import (
     FREE,
     INEXACT,
@@ -86,7 +86,7 @@ def solve(
     chain = plan.chain
     T, defect = translation((target[0], target[1], target[2])), 0.0
     if len(target) == 16:
-        pose = repaired(tuple(tuple(target[4 * i : 4 * i + 4]) for i in range(3)))
+        pose = orthonormalize(tuple(tuple(target[4 * i : 4 * i + 4]) for i in range(3)))
         if pose is None:
             return Solutions(NOT_A_ROTATION)
         T, defect = pose
@@ -188,7 +188,7 @@ class _Call:
             rows = self._solve_equations(part, self._usual)
             if not part.general:
                 limits = self._limits if self._options & LIMITS and self._limits.exist else None
-                rows = FreeJoints(part, self.task, self.query, self._usual, self._accuracy, limits).reopened(rows)
+                rows = FreeJoints(part, self.task, self.query, self._usual, self._accuracy, limits).resolve(rows)
             near |= any(row.flags & NEAR for row in rows)
             self._doubt |= self._keep(rows) and self.plan.general and not part.general
         if self._banded and (near or not self._rows):
@@ -271,7 +271,7 @@ class _Call:
         """
         kept, every = [], True
         for row in rows:
-            q, inside = self._limits.placed(row.q, self._centre)
+            q, inside = self._limits.shift_by_periods(row.q, self._centre)
             every = every and inside
             if inside or not self._options & LIMITS:
                 kept.append(CandidateRow(q, row.flags | (0 if inside else OUTSIDE), row.branch, sqrt(row.residual)))
@@ -306,10 +306,10 @@ class _CoupledCall(_Call):
         )
 
     def _collect(self) -> None:
-        found = self._chain.solve()
-        self._doubt |= found.status == INCOMPLETE
-        self._stage = len(reasons_of(self.plan)) - 1 if found.rows else found.stage
-        for row in found.rows:
+        solutions = self._chain.solve()
+        self._doubt |= solutions.status == INCOMPLETE
+        self._stage = len(reasons_of(self.plan)) - 1 if solutions.rows else solutions.stage
+        for row in solutions.rows:
             for new in self._couple(row):
                 if len(self._rows) < self._most and all(
                     self.task.apart(new.q, other.q) >= TOLERANCE["same"] for other in self._rows
@@ -333,5 +333,5 @@ class _CoupledCall(_Call):
 
     def _starts(self) -> list[CandidateRow]:
         """Where descents begin: at what is nearest on the chain without the coupling."""
-        found, nearest, _ = self._chain.descend()
-        return [replace(row, q=next(self._coupling.leading(row.q))) for row in found or [nearest]]
+        rows, nearest, _ = self._chain.descend()
+        return [replace(row, q=next(self._coupling.leading(row.q))) for row in rows or [nearest]]

@@ -12,10 +12,10 @@ from operator import mul
 from typing import TYPE_CHECKING
 
 from rrrgen.ik.geometry.chain import multiply, translation
-from rrrgen.ik.geometry.mechanism import uncoupled
+from rrrgen.ik.geometry.mechanism import identity_coupling
 from rrrgen.ik.geometry.rigid_transforms import Vector, cross, dot, minus
 from rrrgen.ik.plan import ARM_ANGLE
-from rrrgen.ik.recording.float_builder import SEARCH, TOLERANCE, wrapped
+from rrrgen.ik.recording.float_builder import SEARCH, TOLERANCE, wrap
 from rrrgen.ik.tolerances import ROUNDINGS
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class Task:
         if plan.last_link is not None:
             self.chain = replace(plan.chain, tip=multiply(plan.last_link, translation(query.tool)))
         self._position, self._target, self._reach = plan.task == "position", query.T, plan.chain.reach
-        self._coupling, self._follow = plan.coupling or uncoupled(plan.chain), plan.coupling is not None
+        self._coupling, self._follow = plan.coupling or identity_coupling(plan.chain), plan.coupling is not None
         self._row_units = [1.0 if joint.revolute else self._reach for joint in plan.chain.joints]
         self.units = [1.0 if turning else self._reach for turning in self._coupling.revolute]
         self.prescribed: tuple[int, float] | None = None
@@ -94,29 +94,29 @@ class Task:
         error, because the bottom of a curved valley is followed by leaving it and coming back. Joints in ``held`` do
         not move.
         """
-        found = x = list(q)
+        configuration = x = list(q)
         e, columns = self.error(x, held)
         cost = best = _dot(e, e)
         worse = 0
         for _ in range(steps):
             if not (best > TOLERANCE["done"] and damping < SEARCH["most_damping"]):
                 break
-            x = self._stepped(x, columns, e, damping * sqrt(cost))
+            x = self._take_step(x, columns, e, damping * sqrt(cost))
             e, columns = self.error(x, held)
             cost = _dot(e, e)
             if cost < best:
                 stuck = cost > SEARCH["stuck"] * best and damping > 1.0  # at the minimum, which is not zero
-                found, best, worse = x, cost, 0
+                configuration, best, worse = x, cost, 0
                 damping = SEARCH["less_damping"] * damping if damping > SEARCH["damping"] else damping
                 if stuck:
                     break
             else:
                 worse += 1
                 if worse > SEARCH["worse_steps"] or not cost < SEARCH["diverged"]:
-                    x, worse, damping = found, 0, SEARCH["more_damping"] * damping
+                    x, worse, damping = configuration, 0, SEARCH["more_damping"] * damping
                     e, columns = self.error(x, held)
                     cost = _dot(e, e)
-        return found, best
+        return configuration, best
 
     def reaches(
         self, q: Sequence[float], goal: float, steps: int, held: frozenset[int] = NONE_HELD
@@ -135,10 +135,10 @@ class Task:
                 return x
             if step == steps or (earlier > 0.0 and not 4.0 * cost < earlier):
                 break
-            x = self._stepped(x, columns, e, SEARCH["damping"] * sqrt(cost))
+            x = self._take_step(x, columns, e, SEARCH["damping"] * sqrt(cost))
         return None
 
-    def _stepped(self, x: Sequence[float], columns: Columns, e: Sequence[float], damping: float) -> list[float]:
+    def _take_step(self, x: Sequence[float], columns: Columns, e: Sequence[float], damping: float) -> list[float]:
         """``x`` after one damped step, which is cut to one radian or one reach in each joint."""
         d = damped_step(columns, e, damping + TOLERANCE["eps"])
         most = max(1.0, *map(abs, d))
@@ -146,20 +146,20 @@ class Task:
 
     def between(self, a: Sequence[float], b: Sequence[float], part: float) -> list[float]:
         """The configuration a + part (b - a), with differences of angles by at most pi."""
-        return [x + part * wrapped(y - x, period) for x, y, period in zip(a, b, self._coupling.periods, strict=True)]
+        return [x + part * wrap(y - x, period) for x, y, period in zip(a, b, self._coupling.periods, strict=True)]
 
     def apart(self, a: Sequence[float], b: Sequence[float]) -> float:
         """Largest difference of two configurations, rad or lengths over the reach; for a mechanism, of its rows.
 
         Every joint counts modulo its period, an angle modulo full turns.
         """
-        d = [wrapped(x - y, period) for x, y, period in zip(a, b, self._coupling.periods, strict=True)]
+        d = [wrap(x - y, period) for x, y, period in zip(a, b, self._coupling.periods, strict=True)]
         return self._size(self._coupling.rows(d))
 
     def off(self, y: Sequence[float], q: Sequence[float]) -> float:
         """Largest difference of the displacements ``y`` of the chain from S ``q``: rad, or lengths over the reach."""
         rows = zip(y, self._coupling.rows(q), self.chain.joints, strict=True)
-        return self._size([wrapped(x - follower, 2 * pi * joint.revolute) for x, follower, joint in rows])
+        return self._size([wrap(x - follower, 2 * pi * joint.revolute) for x, follower, joint in rows])
 
     def _size(self, rows: Sequence[float]) -> float:
         return max((abs(x) / unit for x, unit in zip(rows, self._row_units, strict=True)), default=0.0)
@@ -221,12 +221,12 @@ class PositionLimits:
     """
 
     def __init__(self, plan: SolverPlan) -> None:
-        coupling = plan.coupling or uncoupled(plan.chain)
+        coupling = plan.coupling or identity_coupling(plan.chain)
         self.exist = any(end is not None for pair in coupling.limits for end in pair)
         self.lower, self.upper = ([_bounds(pair)[side] for pair in coupling.limits] for side in (0, 1))
         self._periods, self._followers = coupling.periods, coupling.followers
 
-    def placed(self, q: Sequence[float], reference: Sequence[float] | None) -> tuple[list[float], bool]:
+    def shift_by_periods(self, q: Sequence[float], reference: Sequence[float] | None) -> tuple[list[float], bool]:
         """Move ``q`` by full periods: next to the reference, if there is one, then within the limits if possible.
 
         Returns the configuration, and whether all joints are within their limits.
@@ -234,7 +234,7 @@ class PositionLimits:
         row, every = list(q), True
         for i, period in enumerate(self._periods):
             if reference is not None:
-                row[i] = reference[i] + wrapped(row[i] - reference[i], period)
+                row[i] = reference[i] + wrap(row[i] - reference[i], period)
             low, high = self.lower[i] - TOLERANCE["limit"], self.upper[i] + TOLERANCE["limit"]
             x = row[i]
             if period:
@@ -264,7 +264,7 @@ class PositionLimits:
             worst = max(worst, out)
         return worst
 
-    def clamped(self, x: float, joint: int) -> float:
+    def clamp(self, x: float, joint: int) -> float:
         """The value nearest to ``x`` within the limits of ``joint``, rad or m."""
         return min(max(x, self.lower[joint]), self.upper[joint])
 
@@ -279,7 +279,7 @@ def _bounds(ends: tuple[float | None, float | None]) -> tuple[float, float]:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def repaired(T: Matrix) -> tuple[Matrix, float] | None:
+def orthonormalize(T: Matrix) -> tuple[Matrix, float] | None:
     """The pose ``T`` (3, 4) with an orthonormal rotation matrix, and by how much that of ``T`` was not orthonormal.
 
     None if it is too far from a rotation. Its first two columns are corrected to first order, the third follows.
@@ -290,10 +290,13 @@ def repaired(T: Matrix) -> tuple[Matrix, float] | None:
     if not defect <= TOLERANCE["orthonormal"]:
         return None
     if defect > ROUNDINGS * TOLERANCE["eps"]:
-        x, y = _combined(1.0 - 0.5 * xx, x, -0.5 * xy, y), _combined(1.0 - 0.5 * yy, y, -0.5 * xy, x)
+        x, y = (
+            _linear_combination(1.0 - 0.5 * xx, x, -0.5 * xy, y),
+            _linear_combination(1.0 - 0.5 * yy, y, -0.5 * xy, x),
+        )
         z = cross(x, y)
     return tuple(zip(x, y, z, p, strict=True)), defect
 
 
-def _combined(a: float, x: Vector, b: float, y: Vector) -> Vector:
+def _linear_combination(a: float, x: Vector, b: float, y: Vector) -> Vector:
     return (a * x[0] + b * y[0], a * x[1] + b * y[1], a * x[2] + b * y[2])

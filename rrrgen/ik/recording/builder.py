@@ -123,7 +123,7 @@ class DerivationBuilder(Protocol):
     def slide(self, joint: Joint, x: S) -> S:
         """Set ``joint`` to the value ``x``: a displacement, or an angle that follows from others."""
 
-    def given(self, joint: Joint) -> Turn | S:
+    def redundancy_parameter(self, joint: Joint) -> Turn | S:
         """The value of the prescribed joint (the redundancy parameter), as cosine and sine or as a displacement."""
 
     def wrist(

@@ -121,7 +121,7 @@ class FloatBuilder:
         a, b, h = float(A), float(B), hypot(A, B)
         if self._is_free(joint, h, unit):
             self._choose(int(self._settings.slack * unit * unit >= C * C))
-            return self._turn(joint, self._referred(joint))
+            return self._turn(joint, self._reference_turn(joint))
         k = C / h
         better = None if radicand is None else float(radicand) / (h * h)
         count, w = self._root((1.0 - k) * (1.0 + k) if better is None or better < 0.0 else better, 1.0)
@@ -152,7 +152,7 @@ class FloatBuilder:
         def slope(x: float) -> float:
             return -kc * sin(x) + ks * cos(x) - 2 * k2c * sin(2 * x) + 2 * k2s * cos(2 * x)
 
-        angles = sorted(wrapped(_polished(x, value, slope)) for x in starts)
+        angles = sorted(wrap(_polish_root(x, value, slope)) for x in starts)
         x = angles[self._choose(len(angles), _numbers(map(slope, angles)))]
         self._slide(joint, x)
         return Turn(cos(x), sin(x))
@@ -194,7 +194,7 @@ class FloatBuilder:
         def slope(y: float) -> float:
             return sum(i * x * y ** (i - 1) for i, x in enumerate(c) if i)
 
-        roots = sorted(_polished(y, value, slope) for y in starts)
+        roots = sorted(_polish_root(y, value, slope) for y in starts)
         self.flags |= NEAR
         return [y * unit for y in roots], _numbers(map(slope, roots))
 
@@ -235,7 +235,7 @@ class FloatBuilder:
         """The angle ``atan2(s, c)``; the joint's value in ``reference`` where both vanish."""
         size = hypot(c, s)
         free = self._is_free(joint, size)
-        return self._turn(joint, self._referred(joint) if free else Turn(c / size, s / size))
+        return self._turn(joint, self._reference_turn(joint) if free else Turn(c / size, s / size))
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
         """The angle about z that turns ``v`` onto ``u``; the value in ``reference`` where one of them lies along z."""
@@ -243,7 +243,7 @@ class FloatBuilder:
         (c, s), size = between(v, u), before * after
         self.ratios += [(before - after) / unit, (v[2] - u[2]) / unit]
         if self._is_free(joint, sqrt(size), unit):
-            return self._turn(joint, self._referred(joint, feasible))
+            return self._turn(joint, self._reference_turn(joint, feasible))
         return self._turn(joint, Turn(c / size, s / size))
 
     def slide(self, joint: Joint, x: S) -> S:
@@ -251,7 +251,7 @@ class FloatBuilder:
         self._slide(joint, float(x))
         return float(x)
 
-    def given(self, joint: Joint) -> Turn | S:
+    def redundancy_parameter(self, joint: Joint) -> Turn | S:
         """The value of the prescribed joint, from ``redundancy``."""
         raw = joint.sign * self.redundancy + float(joint.offset)
         self.values[joint.index] = self.redundancy
@@ -268,7 +268,7 @@ class FloatBuilder:
         c4, s4, c5 = e5 * M[0][2], e5 * M[1][2], -e4 * e5 * M[2][2]
         s5 = hypot(c4, s4)
         free = self._is_free(joints[0], s5)
-        c4, s4 = self._referred(joints[0]) if free else (c4 / s5, s4 / s5)
+        c4, s4 = self._reference_turn(joints[0]) if free else (c4 / s5, s4 / s5)
         mx = (M[0][0], M[1][0], M[2][0])
         column0, column1 = (c4 * c5, s4 * c5, e4 * s5), (e4 * e5 * s4, -e4 * e5 * c4, 0.0)
         c6, s6 = dot(column0, mx), dot(column1, mx)
@@ -300,7 +300,7 @@ class FloatBuilder:
         self.flags |= FREE
         return True
 
-    def _referred(self, joint: Joint, feasible: Feasible | None = None) -> Turn:
+    def _reference_turn(self, joint: Joint, feasible: Feasible | None = None) -> Turn:
         """Cosine and sine of the joint's reference, or of the nearest ``feasible`` angle if that is given."""
         known = self.reference[joint.index] if joint.index < len(self.reference) else 0.0
         x = joint.sign * known + float(joint.offset)
@@ -315,10 +315,10 @@ class FloatBuilder:
 
     def _slide(self, joint: Joint, raw: float) -> None:
         q = joint.sign * (raw - float(joint.offset))
-        self.values[joint.index] = wrapped(q) if joint.revolute else q
+        self.values[joint.index] = wrap(q) if joint.revolute else q
 
 
-def _polished(x: float, value: Callable[[float], float], slope: Callable[[float], float]) -> float:
+def _polish_root(x: float, value: Callable[[float], float], slope: Callable[[float], float]) -> float:
     """The root ``x`` of a function after two Newton steps, which are short and stop where the slope vanishes."""
     for _ in range(2):
         d = slope(x)
@@ -350,7 +350,7 @@ def _nearest_feasible(reference: float, bounds: Feasible) -> float:
     for k in ((limit - mean) / h for limit in (lower, upper)):
         if k * k <= 1.0:
             e = atan2(sqrt((1.0 - k) * (1.0 + k)), k)
-            ends += [wrapped(atan2(b, a) + side - reference) for side in (e, -e)]
+            ends += [wrap(atan2(b, a) + side - reference) for side in (e, -e)]
     return reference + min(ends, key=abs, default=0.0)
 
 
@@ -392,7 +392,7 @@ def next_script(script: Sequence[int], counts: Sequence[int]) -> list[int]:
     return following
 
 
-def wrapped(x: float, period: float = 2 * pi) -> float:
+def wrap(x: float, period: float = 2 * pi) -> float:
     """``x`` moved by whole periods into (-period / 2, period / 2]; a period of 0 is none."""
     half = 0.5 * period
     return x if not period or -half < x <= half else half - (half - x) % period

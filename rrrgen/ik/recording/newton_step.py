@@ -31,7 +31,7 @@ def newton_program(chain: KinematicChain, locked: int | None) -> Program:
     columns, error = _columns_and_error(b, chain)
     free = [k for k in range(chain.n) if k != locked]
     J = [columns[k] for k in free]
-    solved, inverse = _solved(J, error)
+    solved, inverse = _solve_linear(J, error)
     units = [1 if chain.joints[k].revolute else Fraction(chain.reach) for k in free]
     step: list[Value] = [0] * chain.n
     for k, unit, value in zip(free, units, solved, strict=True):
@@ -76,12 +76,12 @@ def _cross(u: list[Value], v: list[Value]) -> list[Value]:
 
 def _kinematics(chain: KinematicChain, q: Sequence[Value]) -> tuple[list[list[Value]], list[Value], list[list[Value]]]:
     """Columns of the Jacobian, position of the tip (in reaches), and the columns of its rotation."""
-    x, y, z, p = _started(chain.transforms[0], chain.reach)
+    x, y, z, p = _first_frame(chain.transforms[0], chain.reach)
     axes = []
     for joint, matrix, value in zip(chain.joints, chain.transforms[1:], q, strict=True):
         axes.append((z, p))
         if joint.revolute:
-            c, s = _turned(joint, value)
+            c, s = _cosine_and_sine_series(joint, value)
             x, y = (
                 [u * c + v * s for u, v in zip(x, y, strict=True)],
                 [v * c - u * s for u, v in zip(x, y, strict=True)],
@@ -89,7 +89,7 @@ def _kinematics(chain: KinematicChain, q: Sequence[Value]) -> tuple[list[list[Va
         else:
             shift = (joint.sign * value + _number(joint.offset)) * (1 / Fraction(chain.reach))
             p = [u + shift * v for u, v in zip(p, z, strict=True)]
-        x, y, z, p = _advanced((x, y, z, p), matrix, chain.reach)
+        x, y, z, p = _multiply_frame((x, y, z, p), matrix, chain.reach)
     columns = []
     for joint, (axis, at) in zip(chain.joints, axes, strict=True):
         if joint.revolute:
@@ -103,13 +103,13 @@ def _number(x: object) -> Fraction:
     return Fraction(float(x))  # type: ignore[arg-type]
 
 
-def _started(matrix: Matrix, reach: float) -> tuple[list[Value], ...]:
+def _first_frame(matrix: Matrix, reach: float) -> tuple[list[Value], ...]:
     columns: list[list[Value]] = [[_number(row[k]) for row in matrix] for k in range(3)]
     columns.append([_number(row[3]) / Fraction(reach) for row in matrix])
     return tuple(columns)
 
 
-def _advanced(frame: tuple[list[Value], ...], matrix: Matrix, reach: float) -> tuple[list[Value], ...]:
+def _multiply_frame(frame: tuple[list[Value], ...], matrix: Matrix, reach: float) -> tuple[list[Value], ...]:
     """Multiply a frame by a constant transform: the columns (x, y, z, p) of the product, p in reaches.
 
     ``frame`` holds the four columns of the frame, ``matrix`` is the 3x4 transform with lengths in m, ``reach`` in m.
@@ -121,7 +121,7 @@ def _advanced(frame: tuple[list[Value], ...], matrix: Matrix, reach: float) -> t
     return (*turned, [p[i] + x[i] * shift[0] + y[i] * shift[1] + z[i] * shift[2] for i in range(3)])
 
 
-def _turned(joint: Joint, value: Value) -> tuple[Value, Value]:
+def _cosine_and_sine_series(joint: Joint, value: Value) -> tuple[Value, Value]:
     """Cosine and sine of the raw angle ``sign value + offset`` of a revolute joint, without calls of functions.
 
     They are summed as power series of half the angle, then doubled, then rotated by the constant offset.
@@ -142,7 +142,7 @@ def _turned(joint: Joint, value: Value) -> tuple[Value, Value]:
     return c * c0 - s * s0, s * c0 + c * s0
 
 
-def _solved(J: list[list[Value]], e: list[Value]) -> tuple[list[Value], Value]:
+def _solve_linear(J: list[list[Value]], e: list[Value]) -> tuple[list[Value], Value]:
     """The solution d of ``sum d_k J[k] = e``, and the squared Frobenius norm of the inverse of J."""
     columns, right, n = [list(column) for column in J], list(e), len(J)
     U: list[list[Value]] = [[0] * n for _ in range(n)]
@@ -176,7 +176,7 @@ def _determinant(J: list[list[Value]]) -> Value:
     normals = {pair: _cross(lower[pair[0]], lower[pair[1]]) for pair in combinations(range(6), 2)}
     above = {pair: _cross(upper[pair[0]], upper[pair[1]]) for pair in combinations(range(6), 2)}
     for chosen in combinations(range(6), 3):
-        i, j, k = (each for each in range(6) if each not in chosen)
+        i, j, k = (index for index in range(6) if index not in chosen)
         sign = -1 if (sum(chosen) - 3) % 2 else 1
         total = total + sign * _dot(above[chosen[:2]], upper[chosen[2]]) * _dot(normals[i, j], lower[k])
     return total

@@ -79,21 +79,21 @@ class Recorder:
         if a.is_const and b.is_const and a.value == b.value == 0:
             raise InternalError(f"the equation of joint {joint.index + 1} does not contain it")
         better = None if radicand is None else self.pool.of(radicand)
-        results = self._turn(joint, self._opened())
+        results = self._turn(joint, self._open_level())
         self._steps.append(steps.PairStep(results, joint, (a, b, c), label, unit, better))
         return Turn(*results)
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> SolverScalar:
         """Record the choice between the two square roots of ``radicand``."""
         node, big = self._nodes(radicand, size)
-        results = self._variables([hint], self._opened())
+        results = self._variables([hint], self._open_level())
         self._steps.append(steps.SignedRootStep(results, hint, node, big, joint, label, unit))
         return results[0]
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
         """Record the equation ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0`` with up to four roots."""
         k0, k1, k2, k3, k4 = self._nodes(*k)
-        results = self._turn(joint, self._opened())
+        results = self._turn(joint, self._open_level())
         self._steps.append(steps.QuarticStep(results, joint, (k0, k1, k2, k3, k4), label))
         return Turn(*results)
 
@@ -102,7 +102,7 @@ class Recorder:
         nodes = self._nodes(*k)
         if len(nodes) == 2:
             return self.slide(joint, -nodes[0] / nodes[1])
-        results = self._displacement(joint, self._opened())
+        results = self._displacement(joint, self._open_level())
         self._steps.append(steps.PolynomialStep(results, joint, nodes, label, unit))
         return results[0]
 
@@ -133,7 +133,7 @@ class Recorder:
         self._steps.append(steps.SlideStep(results, joint, node))
         return results[0]
 
-    def given(self, joint: Joint) -> Turn | SolverScalar:
+    def redundancy_parameter(self, joint: Joint) -> Turn | SolverScalar:
         """The joint that the caller prescribes: the redundancy parameter."""
         results = self._turn(joint, 0) if joint.revolute else self._displacement(joint, 0)
         self._steps.append(steps.GivenStep(results, joint))
@@ -144,7 +144,7 @@ class Recorder:
     ) -> tuple[Turn, Turn, Turn]:
         """Record ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M``, (e4, e5) = ``signs``, with two solutions."""
         ax, ay, az, bx, by, bz = self._nodes(*(row[0] for row in M), *(row[2] for row in M))
-        level = self._opened()
+        level = self._open_level()
         turns = [self._turn(joint, level) for joint in joints]
         results = tuple(value for turn in turns for value in turn)
         self._steps.append(steps.WristStep(results, joints, ((ax, ay, az), (bx, by, bz)), signs))
@@ -159,7 +159,7 @@ class Recorder:
     def _nodes(self, *values: S) -> tuple[SolverScalar, ...]:
         return tuple(self.pool.of(x) for x in values)
 
-    def _opened(self) -> int:
+    def _open_level(self) -> int:
         """Begin one more root selection, nested in those before it; returns the level of values that depend on it."""
         self._level += 1
         return self._level

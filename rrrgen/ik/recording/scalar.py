@@ -81,7 +81,7 @@ class SolverScalar:
         return self.op in (Op.CONST, Op.INPUT) or (self.op is Op.NEG and self.args[0].op is Op.INPUT)
 
 
-def _rounded(x: Any) -> float:
+def _to_float(x: Any) -> float:
     return float(x) + 0.0
 
 
@@ -91,7 +91,7 @@ class Pool:
     ``number`` converts numbers to the constants of the pool, floats by default.
     """
 
-    def __init__(self, number: Callable[[Any], Constant] = _rounded) -> None:
+    def __init__(self, number: Callable[[Any], Constant] = _to_float) -> None:
         self._nodes: dict[tuple[object, ...], SolverScalar] = {}
         self._number = number
 
@@ -202,12 +202,12 @@ def _is_negative(x: Constant) -> bool:
     return x < 0.0 if isinstance(x, float) else bool(x.could_extract_minus_sign())
 
 
-def collect(value: SolverScalar, found: set[int]) -> None:
-    """Add the ids of ``value`` and of everything that it depends on to ``found``."""
-    if id(value) not in found:
-        found.add(id(value))
+def collect(value: SolverScalar, ids: set[int]) -> None:
+    """Add the ids of ``value`` and of everything that it depends on to ``ids``."""
+    if id(value) not in ids:
+        ids.add(id(value))
         for arg in value.args:
-            collect(arg, found)
+            collect(arg, ids)
 
 
 def fresh_name(hint: str, taken: set[str]) -> str:

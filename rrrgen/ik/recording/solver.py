@@ -102,9 +102,9 @@ class _TextWriter:
             return f"-{self._text(node.args[0], 3)}"
         if node.op not in _SIGNS:
             return f"{node.op.value}({self._text(node.args[0], 0)})"
-        sign, own, right = _SIGNS[node.op]
-        text = f"{self._text(node.args[0], own)}{sign}{self._text(node.args[1], right)}"
-        return f"({text})" if own < strength else text
+        sign, precedence, right = _SIGNS[node.op]
+        text = f"{self._text(node.args[0], precedence)}{sign}{self._text(node.args[1], right)}"
+        return f"({text})" if precedence < strength else text
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -159,17 +159,17 @@ class Solver:
 
         ``mask`` holds the bits of the branch number that have no meaning while the joint is free.
         """
-        found: dict[int, int] = {}
+        masks: dict[int, int] = {}
         choice = 0
         for step in self.steps:
             joint = step.may_be_free
             if joint is not None and joint.index < self.n:
-                found.setdefault(joint.index, 0)
+                masks.setdefault(joint.index, 0)
                 if step.stage is not None:
                     _, bit, bits = self.leaf.labels[choice]
-                    found[joint.index] = ((1 << bits) - 1) << bit
+                    masks[joint.index] = ((1 << bits) - 1) << bit
             choice += step.stage is not None
-        return tuple(sorted(found.items()))
+        return tuple(sorted(masks.items()))
 
     @cached_property
     def fixed_pairs(self) -> frozenset[int]:
@@ -197,7 +197,7 @@ class Solver:
                 return node.value
             key = id(node)
             if key not in values:
-                values[key] = _applied(b, node.op, [read(arg) for arg in node.args])
+                values[key] = _apply_operation(b, node.op, [read(arg) for arg in node.args])
             return values[key]
 
         for step in self.steps:
@@ -220,7 +220,7 @@ class Solver:
         return text_of(self.n, list(self.live()), self.max_solutions)
 
 
-def _applied(b: DerivationBuilder, op: Op, args: list[S]) -> S:
+def _apply_operation(b: DerivationBuilder, op: Op, args: list[S]) -> S:
     if op is Op.SQRT:
         return b.sqrt(args[0])
     if op is Op.ABS:

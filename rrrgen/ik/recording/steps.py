@@ -286,7 +286,7 @@ class GivenStep(_Decision):
 
     def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
-        value = b.given(self.joint)
+        value = b.redundancy_parameter(self.joint)
         return tuple(value) if isinstance(value, Turn) else (value,)
 
 

@@ -34,7 +34,7 @@ from random import Random
 
 from rrrgen.base.cache import compiler_hash, digest, keep, recall
 from rrrgen.base.errors import StorageError
-from rrrgen.ik.geometry.chain import IDENTITY, Link, Matrix, inverse, lifted, multiply, turned
+from rrrgen.ik.geometry.chain import IDENTITY, Link, Matrix, inverse, multiply, shift_along_z, turn_about_z
 from rrrgen.ik.tolerances import NOISE, SHALLOW, SPURIOUS, USABLE
 
 POSES = 20  # number of random sample poses on which an elimination is scored
@@ -95,10 +95,10 @@ def eliminations(table: Sequence[Sequence[float]], slide: int | None = None, tur
     with contextlib.suppress(StorageError):  # a cache that others may write to is not read
         if (known := recall(name)) is not None:
             return [Elimination(*values) for values in json.loads(known)]
-    found = _search(table, slide, turn)
+    choices = _search(table, slide, turn)
     with contextlib.suppress(OSError, StorageError):  # the cache is optional: it may be full or read-only
-        keep(name, json.dumps([astuple(each) for each in found]).encode())
-    return found
+        keep(name, json.dumps([astuple(choice) for choice in choices]).encode())
+    return choices
 
 
 def _search(table: Sequence[Sequence[float]], slide: int | None, turn: float) -> list[Elimination]:
@@ -108,14 +108,14 @@ def _search(table: Sequence[Sequence[float]], slide: int | None, turn: float) ->
     draw = Random(6)
     samples = [[draw.uniform(-pi, pi) for _ in range(6)] for _ in range(POSES)]
     loops = [[*links[:5], multiply(links[5], inverse(_pose(links, q, slide)))] for q in samples]
-    found = []
+    choices = []
     for start in range(6):
         for direction in (1, -1):
             order = numbering(start, direction)
             place = None if slide is None else order.index(slide) - 2
             if place is not None and not 0 <= place <= 2:
                 continue
-            equations = [pencil(numbered(loop, start, direction), place) for loop in loops]
+            equations = [pencil(relabel_transforms(loop, start, direction), place) for loop in loops]
             for kept in range(3):
                 shifted, other = (kept + 1) % 3, (kept + 2) % 3
                 if place == kept:
@@ -125,17 +125,17 @@ def _search(table: Sequence[Sequence[float]], slide: int | None, turn: float) ->
                 angles = [direction * q[order[2 + kept]] for q in samples]
                 roles, slides = (kept, shifted, other), place is not None
                 marks: list[_Mark] = []
-                for pose, (each, angle) in enumerate(zip(equations, angles, strict=True)):
+                for pose, (coefficients, angle) in enumerate(zip(equations, angles, strict=True)):
                     if (pose == MOST and _hopeless(marks)) or (pose == FEW and not _usable(marks)):
                         break
-                    marks.append(_mark(in_half_angles(each, roles, slides=slides), angle))
+                    marks.append(_mark(in_half_angles(coefficients, roles, slides=slides), angle))
                 if not _usable(marks):
                     continue
                 score, depth, pure = _judge(marks)
                 if score < USABLE:
-                    found.append(Elimination(start, direction, kept, shifted, other, score, depth, pure))
-    found = [e for e in found if e.pure] or found
-    return sorted(found, key=lambda e: (e.score, e.start, e.direction, e.kept))
+                    choices.append(Elimination(start, direction, kept, shifted, other, score, depth, pure))
+    choices = [e for e in choices if e.pure] or choices
+    return sorted(choices, key=lambda e: (e.score, e.start, e.direction, e.kept))
 
 
 def numbering(start: int, direction: int) -> list[int]:
@@ -143,7 +143,7 @@ def numbering(start: int, direction: int) -> list[int]:
     return [(start + direction * k) % 6 for k in range(6)]
 
 
-def numbered(loop: Sequence[Matrix], start: int, direction: int) -> list[Matrix]:
+def relabel_transforms(loop: Sequence[Matrix], start: int, direction: int) -> list[Matrix]:
     """The transforms E1 .. E6 of a labelling.
 
     ``loop`` are those of the chain itself, E1 .. E6 from its first joint on. With ``direction`` -1 the labelling runs
@@ -170,7 +170,7 @@ def _pose(links: Sequence[Matrix], q: Sequence[float], slide: int | None) -> Mat
     """Pose of the last frame at the joint values ``q``."""
     pose = IDENTITY
     for k, (link, x) in enumerate(zip(links, q, strict=True)):
-        pose = multiply(lifted(pose, x) if k == slide else turned(pose, cos(x), sin(x)), link)
+        pose = multiply(shift_along_z(pose, x) if k == slide else turn_about_z(pose, cos(x), sin(x)), link)
     return pose
 
 
@@ -317,13 +317,13 @@ def pencil(e: Sequence[Matrix], slide: int | None) -> list[list[float]]:
     Entry 9 i + 3 j + k belongs to the monomials i, j and k of (1, cos, sin) of joints 3, 4 and 5, or of (1, x, x^2) for
     the prismatic one of them, joint 3 + ``slide``.
     """
-    near = [carried(e[4], LINE)]
+    near = [transform_features(e[4], LINE)]
     for joint, transform in ((2, e[3]), (1, e[2]), (0, e[1])):
-        parts = [part for f in near for part in (stretched(f) if joint == slide else spread(f, 1.0))]
-        near = [carried(transform, part) for part in parts]
+        parts = [part for f in near for part in (shift_features(f) if joint == slide else rotate_features(f, 1.0))]
+        near = [transform_features(transform, part) for part in parts]
     back = inverse(e[0])
-    first = [carried(back, part) for part in spread(carried(inverse(e[5]), LINE), -1.0)]
-    constant, *turning = [part for f in first for part in spread(f, -1.0)]
+    first = [transform_features(back, part) for part in rotate_features(transform_features(inverse(e[5]), LINE), -1.0)]
+    constant, *turning = [part for f in first for part in rotate_features(f, -1.0)]
     near[0] = [x - y for x, y in zip(near[0], constant, strict=True)]
     order = [near[9 * k + 3 * j + i][1:] for i in range(3) for j in range(3) for k in range(3)]
     rest = _complement([f[1:] for f in turning])
@@ -341,19 +341,19 @@ def _complement(columns: Sequence[Column]) -> list[Column]:
         mirror[k] += -length if mirror[k] < 0.0 else length
         factor = sqrt(2.0 / sum(map(mul, mirror, mirror)))
         mirrors.append([factor * x for x in mirror])
-        left[k + 1 :] = [_reflected(mirrors[-1], column) for column in left[k + 1 :]]
+        left[k + 1 :] = [_reflect(mirrors[-1], column) for column in left[k + 1 :]]
     rest = [[float(i == k) for i in range(size)] for k in range(len(columns), size)]
     for mirror in reversed(mirrors):
-        rest = [_reflected(mirror, column) for column in rest]
+        rest = [_reflect(mirror, column) for column in rest]
     return rest
 
 
-def _reflected(mirror: Column, column: Column) -> Column:
+def _reflect(mirror: Column, column: Column) -> Column:
     along = sum(map(mul, mirror, column))
     return [x - along * y for x, y in zip(column, mirror, strict=True)]
 
 
-def spread(f: Column, sense: float) -> tuple[Column, Column, Column]:
+def rotate_features(f: Column, sense: float) -> tuple[Column, Column, Column]:
     """Rotate features about z by sense times an unknown angle: coefficients of 1, cos and sin of that angle."""
     one, c, s = list(f), [0.0] * 15, [0.0] * 15
     for x in PLANAR:
@@ -363,7 +363,7 @@ def spread(f: Column, sense: float) -> tuple[Column, Column, Column]:
     return one, c, s
 
 
-def stretched(f: Column) -> tuple[Column, Column, Column]:
+def shift_features(f: Column) -> tuple[Column, Column, Column]:
     """Shift features along z by an unknown displacement x: coefficients of 1, x and x^2."""
     linear, square = [0.0] * 15, [0.0] * 15
     linear[3], linear[4], square[4] = f[0], 2.0 * f[3], f[0]
@@ -373,7 +373,7 @@ def stretched(f: Column) -> tuple[Column, Column, Column]:
     return list(f), linear, square
 
 
-def carried(e: Matrix, f: Column) -> Column:
+def transform_features(e: Matrix, f: Column) -> Column:
     """The features of a line that the rigid transform ``e`` moves, on which it acts linearly."""
     (r0, r1, r2, x), (r3, r4, r5, y), (r6, r7, r8, z) = e
     point, axis, moment, rest = (

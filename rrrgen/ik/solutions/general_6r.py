@@ -190,12 +190,12 @@ def passes(tables: General6RTables, real: str) -> list[tuple[tuple[int, ...], fl
     resolved at the noise of this rounding.
     """
     first, last = tables.eliminations[0], tables.eliminations[-1]
-    found: list[tuple[tuple[int, ...], float]] = []
+    attempts: list[tuple[tuple[int, ...], float]] = []
     for motion, (choice, factor) in enumerate(zip((first, first, last), NOISE_FACTORS, strict=True)):
         roles = (choice.start, choice.direction, choice.kept, choice.shifted, choice.other, motion)
-        found.append((roles, min(NOISE * factor * shallowness(choice.depth), MOST_NOISE)))
-    coarse = (found[0][0], NOISE_OF_FLOAT)
-    return [coarse, *found] if real == "float" and coarse[1] > found[0][1] else found
+        attempts.append((roles, min(NOISE * factor * shallowness(choice.depth), MOST_NOISE)))
+    coarse = (attempts[0][0], NOISE_OF_FLOAT)
+    return [coarse, *attempts] if real == "float" and coarse[1] > attempts[0][1] else attempts
 
 
 def cosine_and_sine(angle: float) -> tuple[float, float]:

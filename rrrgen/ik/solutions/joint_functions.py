@@ -22,7 +22,7 @@ from rrrgen.ik.geometry.rigid_transforms import (
     rotate,
     square,
     total,
-    transposed,
+    transpose,
 )
 from rrrgen.ik.recording.builder import DerivationBuilder, Label, Turn
 
@@ -54,7 +54,7 @@ class JointFunction:
         """Add the number ``constant`` to the function."""
         return JointFunction(self.turning, (total(self.k[0], constant), *self.k[1:]))
 
-    def squared(self) -> JointFunction:
+    def times_itself(self) -> JointFunction:
         """Square the function; a trigonometric one must have degree 1 (three coefficients)."""
         k = self.k
         if self.turning:
@@ -86,7 +86,7 @@ class JointFunction:
             value = total(product(value, x), coefficient)
         return value
 
-    def trimmed(self) -> JointFunction:
+    def trim(self) -> JointFunction:
         """Drop the highest terms whose coefficients are exactly zero."""
         k = list(self.k)
         if self.turning:
@@ -104,7 +104,7 @@ class JointFunction:
 
     def root(self, builder: DerivationBuilder, joint: Joint, label: Label, unit: float) -> Turn | S:
         """Solve ``form(x) = 0`` for ``joint``; ``unit`` is the natural size of the coefficients of the equation."""
-        form = self.trimmed()
+        form = self.trim()
         if not form.turning:
             return builder.polynomial(joint, form.k, label=label, unit=unit)
         if len(form.k) == 3:
@@ -131,7 +131,7 @@ class Moving:
     def of(joint: Joint, M: Rigid, c: Vector) -> Moving:
         """The point ``M J(x) c``: ``c`` carried by ``joint``, then by the constant transform ``M``."""
         fixed = total(square(c), square(M.t))
-        back = rotate(transposed(M.R), M.t)
+        back = rotate(transpose(M.R), M.t)
         if joint.revolute:
             v0 = plus(tuple(product(e, c[2]) for e in column(M.R, 2)), M.t)
             vc = tuple(total(product(M.R[i][0], c[0]), product(M.R[i][1], c[1])) for i in range(3))

@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rrrgen.base.errors import InternalError
-from rrrgen.ik.geometry.loop import Closing, Loop, Motion, apply, factors, move, straightened, turned
+from rrrgen.ik.geometry.loop import Closing, Loop, Motion, apply, factors, move, rotate_by_link, straighten
 from rrrgen.ik.geometry.rigid_transforms import (
     Crossing,
     Rigid,
@@ -35,7 +35,7 @@ from rrrgen.ik.geometry.rigid_transforms import (
 )
 from rrrgen.ik.recording.builder import DerivationBuilder, Feasible, Label, Turn
 from rrrgen.ik.solutions.joint_functions import Moving
-from rrrgen.ik.solutions.planar import Plane, Triple, anchor, oriented, solve_planar, triple_of
+from rrrgen.ik.solutions.planar import Plane, Triple, anchor, orient_triple, solve_planar, triple_of
 from rrrgen.ik.solutions.position import UNUSABLE
 
 ORIGIN: Vector = (0, 0, 0)
@@ -62,7 +62,7 @@ class Frame:
         triple = triple_of(loop, k)
         if triple is None:
             return None
-        others = loop.started((k + 3) % len(loop.joints))
+        others = loop.start_at((k + 3) % len(loop.joints))
         before = loop.links[(k + 2) % len(loop.joints)]
         lead = Closing((triple.E0, *factors(before)))
         trail = Closing((*factors(others.links[len(loop.joints) - 4]), triple.Q))
@@ -90,7 +90,7 @@ def cost(loop: Loop, k: int) -> int:
 def better(loop: Loop, k: int) -> tuple[int, Loop, int]:
     """Choose the direction of the loop with the lower degree: (cost, loop, index of the triple's first joint in it)."""
     m = len(loop.joints)
-    back = loop.reversed()
+    back = loop.reverse()
     other = (m - k - 3) % m
     forward, backward = cost(loop, k), cost(back, other)
     return (forward, loop, k) if forward <= backward else (backward, back, other)
@@ -98,7 +98,7 @@ def better(loop: Loop, k: int) -> tuple[int, Loop, int]:
 
 def derive_parallel(b: DerivationBuilder, loop: Loop, k: int, length: float) -> None:
     """Derive all joints of a six-joint loop with a planar triple at joints k, k+1, k+2 of an arm of size ``length``."""
-    _, loop, k = better(straightened(loop), k)
+    _, loop, k = better(straighten(loop), k)
     frame = Frame.of(loop, k)
     if frame is None:
         raise InternalError("there is no planar triple here")
@@ -118,7 +118,7 @@ def finish_plane(b: DerivationBuilder, frame: Frame, motions: list[Motion], leng
     The loop closes, so the displacement of the triple in its plane is the inverse of the product of the other
     transforms; the planar problem for that displacement is solved. ``length`` (m) is the size of the arm.
     """
-    inverse, triple = oriented(frame.triple.reversed())
+    inverse, triple = orient_triple(frame.triple.reverse())
     start = anchor(triple)
     if inverse:  # the triple runs forward again, and e1 e2 e3 is the inverse of the rest of the loop
         point = _around(frame, motions, (start[0], start[1], 0), backwards=True)
@@ -193,7 +193,7 @@ class _Others:
         else:
             across = total(product(n_a[0], n_a[0]), product(n_a[1], n_a[1]))
             e2, h2 = ab.sa**2, ab.a**2
-            q = (f.squared().times(e2) + g.squared().times(h2)).plus(-e2 * h2 * across)
+            q = (f.times_itself().times(e2) + g.times_itself().times(h2)).plus(-e2 * h2 * across)
             xc = q.root(b, joints[2], Label("posture"), L**2)
             at = b.names("m", m2.at(xc))
             mx, my = f.at(xc) / ab.a, -g.at(xc) / ab.sa
@@ -233,7 +233,7 @@ class _Others:
         The distance that the two links of the triple must span depends on cos b and sin b. It has to lie between the
         difference and the sum of their lengths. None where the triple has a prismatic joint.
         """
-        triple = self.frame.triple.reversed()
+        triple = self.frame.triple.reverse()
         if triple.types != "RRR":
             return None
         one, two, three = (element.at for element in triple.elements)
@@ -273,7 +273,7 @@ def _slide_first(b: DerivationBuilder, frame: Frame, L: float) -> list[Motion]:
     n_a = b.names("n", frame.lead.inverse().turn((0, 0, 1)))
     n_c = b.names("o", frame.trail.turn((0, 0, 1)))
     ab, bc = frame.loop.links[0], frame.loop.links[1].rigid()
-    mb = b.names("l", turned(ab.inverse(), n_a))
+    mb = b.names("l", rotate_by_link(ab.inverse(), n_a))
     m2 = Moving.of(joints[2], Rigid(bc.R, ORIGIN), n_c)
     k = m2.z.plus(-mb[2]).k
     across = total(product(mb[0], mb[0]), product(mb[1], mb[1]))

@@ -48,7 +48,7 @@ class Triple:
         """The kinds of the three joints, for example ``"RPR"``."""
         return "".join("R" if element.joint.revolute else "P" for element in self.elements)
 
-    def reversed(self) -> Triple:
+    def reverse(self) -> Triple:
         """Invert ``e1 e2 e3``: joints in reverse order with negated variables, the same ``Q`` and ``E0``."""
         turned = [replace(e, joint=backwards(e.joint)) for e in reversed(self.elements)]
         return replace(self, elements=(turned[0], turned[1], turned[2]))
@@ -56,7 +56,7 @@ class Triple:
 
 def triple_of(loop: Loop, k: int) -> Triple | None:
     """Find the planar triple of joints k, k+1, k+2 of ``loop``; None where they do not move in one plane."""
-    started = loop.started(k)
+    started = loop.start_at(k)
     joints, links = started.joints[:3], started.links[:2]
     if not any(joint.revolute for joint in joints):
         return None
@@ -143,11 +143,11 @@ def _spun(x: Turn, v: Plane) -> Plane:
     return (moved[0], moved[1])
 
 
-def oriented(triple: Triple) -> tuple[bool, Triple]:
+def orient_triple(triple: Triple) -> tuple[bool, Triple]:
     """Reverse the triple if that makes its last joint revolute: (whether it was reversed, triple)."""
     if triple.elements[2].joint.revolute or not triple.elements[0].joint.revolute:
         return False, triple
-    return True, triple.reversed()
+    return True, triple.reverse()
 
 
 def anchor(triple: Triple) -> Plane:

@@ -58,7 +58,7 @@ class Arm:
         """The kinds of the three joints, for example ``"RRP"``."""
         return joint_types(self.joints)
 
-    def reversed(self) -> Arm:
+    def reverse(self) -> Arm:
         """State the problem from the other end: ``J3^-1 L2^-1 J2^-1 L1^-1 J1^-1 p = c``, joint variables negated."""
         return Arm(
             tuple(backwards(joint) for joint in reversed(self.joints)),  # type: ignore[arg-type]
@@ -103,8 +103,8 @@ def _cost(arm: Arm) -> int:
 
 def simplest(arm: Arm) -> tuple[int, Arm]:
     """Choose the cheaper of ``arm`` and the same problem stated from its other end: (cost, arm)."""
-    forward, backward = _cost(arm), _cost(arm.reversed())
-    return (forward, arm) if forward <= backward else (backward, arm.reversed())
+    forward, backward = _cost(arm), _cost(arm.reverse())
+    return (forward, arm) if forward <= backward else (backward, arm.reverse())
 
 
 def solve_position(b: DerivationBuilder, arm: Arm, length: float) -> dict[int, Turn | S]:
@@ -224,9 +224,9 @@ class _Core:
             rho2 = b.name("rho", total(product(at[0], at[0]), product(at[1], at[1])))
             ux = b.signed_root("ux", rho2 - uy * uy, size=rho2, joint=joints[1], label=Label("shoulder"), unit=L)
         else:
-            rho = v.length2 - v.z.squared()
+            rho = v.length2 - v.z.times_itself()
             e2, f2 = self.sa**2, 4 * self.a**2
-            q = A.squared().times(e2) + B.squared().times(f2) - rho.times(e2 * f2)
+            q = A.times_itself().times(e2) + B.times_itself().times(f2) - rho.times(e2 * f2)
             x3 = q.root(b, joints[2], Label("posture"), L**4)
             at = b.names("v", v.at(x3))
             ux = b.name("ux", A.at(x3) / (2 * self.a))
@@ -245,7 +245,7 @@ class _Core:
             height = b.signed_root("uz", rest, size=r, joint=joints[1], label=Label("shoulder"), unit=L)
         else:
             across = v.y.times(-self.sa).plus(p[2]).times(1 / self.ca)
-            q = (v.x.squared() + v.y.squared() + across.squared() + v.x.times(2 * self.a)).plus(
+            q = (v.x.times_itself() + v.y.times_itself() + across.times_itself() + v.x.times(2 * self.a)).plus(
                 total(product(self.a, self.a), -r)
             )
             x3 = q.root(b, joints[2], Label("posture"), L**2)
@@ -265,9 +265,9 @@ class _Core:
             uy = b.signed_root("uy", rho2 - ux * ux, size=rho2, joint=joints[1], label=Label("elbow"), unit=L)
         else:
             across = v.z.times(self.sa).plus(p[1])
-            rho = v.length2 - v.z.squared()
+            rho = v.length2 - v.z.times_itself()
             e2 = self.ca**2
-            q = (across.squared() + rho.times(-e2)).plus(e2 * ux * ux)
+            q = (across.times_itself() + rho.times(-e2)).plus(e2 * ux * ux)
             x3 = q.root(b, joints[2], Label("posture"), L**2)
             at = b.names("v", v.at(x3))
             uy = b.name("uy", across.at(x3) / self.ca)

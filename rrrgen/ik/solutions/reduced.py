@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from rrrgen.base.errors import InternalError
 from rrrgen.ik.geometry.chain import Joint, KinematicChain, Matrix
-from rrrgen.ik.geometry.loop import AnyLink, Closing, Loop, Motion, apply, factors, move, straightened, turned
+from rrrgen.ik.geometry.loop import AnyLink, Closing, Loop, Motion, apply, factors, move, rotate_by_link, straighten
 from rrrgen.ik.geometry.rigid_transforms import (
     Crossing,
     Rigid,
@@ -25,7 +25,7 @@ from rrrgen.ik.geometry.rigid_transforms import (
     screw,
     square,
     total,
-    transposed,
+    transpose,
 )
 from rrrgen.ik.recording.builder import DerivationBuilder, Label, Turn
 from rrrgen.ik.solutions.joint_functions import JointFunction, Moving
@@ -43,7 +43,7 @@ def derive_planar(b: DerivationBuilder, loop: Loop, length: float) -> None:
 
     A residual checks that the target lies in the plane. ``length`` (m) is the size of the arm.
     """
-    loop = straightened(loop)
+    loop = straighten(loop)
     triple = triple_of(loop, 0)
     if triple is None:
         raise InternalError("there is no planar triple here")
@@ -55,7 +55,7 @@ def derive_planar(b: DerivationBuilder, loop: Loop, length: float) -> None:
 
 def derive_lift(b: DerivationBuilder, loop: Loop, k: int, length: float) -> None:
     """Derive a SCARA arm: a planar triple at joints k, k+1, k+2 and a prismatic joint along its normal."""
-    loop = straightened(loop)
+    loop = straighten(loop)
     frame = Frame.of(loop, k)
     if frame is None:
         raise InternalError("there is no planar triple here")
@@ -95,14 +95,14 @@ def turning_axes(loop: Loop) -> Loop | None:
             rotation = factors(path[0])[0].R
             for link in path[1:]:
                 rotation = (Rigid(rotation, (0, 0, 0)) @ link.rigid()).R
-            crossing = decomposed(rotation)
+            crossing = decompose_rotation(rotation)
             if crossing is None:
                 return None
             links.append(crossing)
-    return straightened(Loop(tuple(loop.joints[i] for i in places), tuple(links)))
+    return straighten(Loop(tuple(loop.joints[i] for i in places), tuple(links)))
 
 
-def decomposed(R: Rotation) -> Crossing | None:
+def decompose_rotation(R: Rotation) -> Crossing | None:
     """Decompose a constant rotation as ``Rz Rx Rz``; None where it is a rotation about z alone."""
     ca = R[2][2]
     if is_zero(R[2][1]) and is_zero(R[2][0]):
@@ -126,19 +126,21 @@ def derive_orientation(b: DerivationBuilder, loop: Loop, length: float) -> None:
     if not isinstance(first, Crossing) or not isinstance(second, Crossing):
         raise InternalError("two of the axes that decide the rotation are parallel")
     back = closing.inverse()
-    mx, mz = b.names("m", turned(back, (1, 0, 0))), b.names("n", turned(back, (0, 0, 1)))
-    found = solve_wrist(b, (axes.joints[0], axes.joints[1], axes.joints[2]), first, second, mx, mz)
+    mx, mz = b.names("m", rotate_by_link(back, (1, 0, 0))), b.names("n", rotate_by_link(back, (0, 0, 1)))
+    turns = solve_wrist(b, (axes.joints[0], axes.joints[1], axes.joints[2]), first, second, mx, mz)
     if len(loop.joints) == 3:
         b.residual(apply(loop.links[2], (0, 0, 0)) if not isinstance(loop.links[2], Crossing) else (0, 0, 0))
         return
     offsets = {a.index: a.offset - j.offset for a in axes.joints for j in loop.joints if j.index == a.index}
-    motions = [_shifted(found[joint.index], offsets[joint.index]) if joint.revolute else 0 for joint in loop.joints]
+    motions = [
+        _subtract_offset(turns[joint.index], offsets[joint.index]) if joint.revolute else 0 for joint in loop.joints
+    ]
     v: Vector = (0, 0, 0)
     directions: list[Vector] = []
     for i in reversed(range(len(loop.joints))):
         joint = loop.joints[i]
         v = move(motions[i], apply(loop.links[i], v))
-        directions = [move(motions[i], turned(loop.links[i], d), direction=True) for d in directions]
+        directions = [move(motions[i], rotate_by_link(loop.links[i], d), direction=True) for d in directions]
         if not joint.revolute:
             directions.insert(0, (0, 0, 1))
     v = b.names("d", v)
@@ -151,10 +153,10 @@ def derive_orientation(b: DerivationBuilder, loop: Loop, length: float) -> None:
     b.residual((rest[0], rest[1], rest[2]))
 
 
-def _shifted(motion: Motion, offset: S) -> Motion:
+def _subtract_offset(motion: Motion, offset: S) -> Motion:
     """Subtract ``offset`` (rad) from the angle of ``motion``; a displacement is returned as it is.
 
-    Straightening a loop (:func:`rrrgen.ik.geometry.loop.straightened`) has added the offset to the joint's angle.
+    Straightening a loop (:func:`rrrgen.ik.geometry.loop.straighten`) has added the offset to the joint's angle.
     """
     from math import cos, sin
 
@@ -172,7 +174,7 @@ def derive_point(b: DerivationBuilder, chain: KinematicChain, length: float, las
     """
     base, stated = rigid(chain.base), rigid(chain.tip).t
     c = stated if last_link is None else b.names("c", rigid(last_link).apply(b.tool()))
-    p = b.names("p", rotate(transposed(base.R), minus(b.point(), base.t)))
+    p = b.names("p", rotate(transpose(base.R), minus(b.point(), base.t)))
     if chain.n == 1:
         joint = chain.joints[0]
         if joint.revolute:

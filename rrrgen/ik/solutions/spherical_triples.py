@@ -8,7 +8,7 @@ remaining rotation.
 from __future__ import annotations
 
 from rrrgen.ik.geometry.chain import Joint
-from rrrgen.ik.geometry.loop import Closing, Loop, Motion, apply, rotated_back, straightened, turned, unwind
+from rrrgen.ik.geometry.loop import Closing, Loop, Motion, apply, rotate_by_link, rotated_back, straighten, unwind
 from rrrgen.ik.geometry.rigid_transforms import (
     Crossing,
     Rotation,
@@ -32,7 +32,7 @@ from rrrgen.ik.solutions.position import Arm, solve_position
 
 def is_spherical(loop: Loop, k: int) -> bool:
     """Whether joints k, k+1, k+2 of ``loop`` are revolute and their axes meet exactly in one point."""
-    joints, links = loop.started(k).joints[:3], loop.started(k).links[:2]
+    joints, links = loop.start_at(k).joints[:3], loop.start_at(k).links[:2]
     if not all(joint.revolute for joint in joints) or not all(isinstance(link, Crossing) for link in links):
         return False
     first, second = links
@@ -55,13 +55,13 @@ def arm_of(loop: Loop) -> Arm:
 
 def derive_spherical(b: DerivationBuilder, loop: Loop, k: int, length: float) -> None:
     """Derive all joints of a six-joint loop with a spherical triple at joints k, k+1, k+2; ``length`` is the reach."""
-    loop = straightened(loop.started((k + 3) % 6))
+    loop = straighten(loop.start_at((k + 3) % 6))
     arm = arm_of(loop)
     motions = solve_position(b, arm, length)
     moved: list[Motion] = [motions[joint.index] for joint in loop.joints[:3]]
     path = unwind([(moved[i], turned_matrix(loop, i)) for i in range(3)], b.name)
     closing = loop.links[5].inverse()
-    columns = [rotated_back(path, turned(closing, axis)) for axis in ((1, 0, 0), (0, 0, 1))]
+    columns = [rotated_back(path, rotate_by_link(closing, axis)) for axis in ((1, 0, 0), (0, 0, 1))]
     mx, mz = b.names("m", columns[0]), b.names("n", columns[1])
     first, second = loop.links[3], loop.links[4]
     assert isinstance(first, Crossing)
@@ -190,8 +190,8 @@ def derive_elbow7(b: DerivationBuilder, loop: Loop, psi: Turn, length: float) ->
     behind = _rx(l3, rotate_z(x4.c, x4.s, _rx(l4, (0, 0, 1))))
     x3 = b.onto(j3, behind, seen, unit=1.0)
     path = unwind([(x1, l1.core().R), (x2, l2.core().R), (x3, l3.core().R), (x4, l4.core().R)], b.name)
-    mx = b.names("m", rotated_back(path, turned(back, (1, 0, 0))))
-    mz = b.names("n", rotated_back(path, turned(back, (0, 0, 1))))
+    mx = b.names("m", rotated_back(path, rotate_by_link(back, (1, 0, 0))))
+    mz = b.names("n", rotated_back(path, rotate_by_link(back, (0, 0, 1))))
     solve_wrist(b, (loop.joints[4], loop.joints[5], loop.joints[6]), l5, l6, mx, mz)
 
 

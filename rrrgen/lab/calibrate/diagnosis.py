@@ -58,7 +58,7 @@ def _units(table: MeasurementTable, nominal: Geometry) -> Iterator[Mistake]:
     rad = [("deg", np.pi / 180, ""), ("rad", 180 / np.pi, "deg")]
     m = [("mm", 1e-3, ""), ("inches", INCH, ""), ("m", 1e3, "mm")]
     present = [
-        [(what, columns, *each) for each in units]
+        [(what, columns, *conversion) for conversion in units]
         for what, columns, units in (
             ("joint positions", turning, rad),
             ("lengths", lengths, m),
@@ -87,9 +87,9 @@ def _joints(table: MeasurementTable) -> Iterator[Mistake]:
     """Joint columns exchanged or in the reverse order; one, two or all joints reversed."""
     joints, names = list(table.joints), table.names
     for i, j in combinations(joints, 2):
-        yield Mistake(f"the columns {names[i]} and {names[j]} exchanged", "", _moved(table, (i, j), (j, i)))
+        yield Mistake(f"the columns {names[i]} and {names[j]} exchanged", "", _move_columns(table, (i, j), (j, i)))
     if len(joints) > 3:  # the reverse order of three is an exchange
-        yield Mistake("the joint columns in the reverse order", "", _moved(table, joints, joints[::-1]))
+        yield Mistake("the joint columns in the reverse order", "", _move_columns(table, joints, joints[::-1]))
     turned = [some for count in {1, 2, len(joints)} for some in combinations(range(len(joints)), count)]
     for some in turned:
         columns = [joints[i] for i in some]
@@ -106,7 +106,7 @@ def _positions(table: MeasurementTable) -> Iterator[Mistake]:
     places = [table.names.index(name) for name in POSITION]
     if table.kind == "point":
         text = "mirrored positions (two of the columns x, y, z exchanged, or one reversed: positions do not tell which)"
-        yield Mistake(text, "", _moved(table, places[:2], places[1::-1]))
+        yield Mistake(text, "", _move_columns(table, places[:2], places[1::-1]))
         return
     for order in permutations(range(3)):
         for signs in product((1, -1), repeat=3):
@@ -114,10 +114,10 @@ def _positions(table: MeasurementTable) -> Iterator[Mistake]:
                 continue
             values = table.values.copy()
             values[:, places] = table.values[:, [places[k] for k in order]] * np.array(signs)
-            yield Mistake(_said(order, signs), "", replace(table, values=values))
+            yield Mistake(_describe_order(order, signs), "", replace(table, values=values))
 
 
-def _said(order: tuple[int, ...], signs: tuple[int, ...]) -> str:
+def _describe_order(order: tuple[int, ...], signs: tuple[int, ...]) -> str:
     """Describe in words that the columns x, y, z of positions stand in ``order``, with reversed ``signs``."""
     still = [k for k in range(3) if order[k] == k]
     moved = [POSITION[k] for k in range(3) if order[k] != k]
@@ -137,7 +137,9 @@ def _orientations(table: MeasurementTable) -> Iterator[Mistake]:
     if set(QUATERNION) <= set(table.wanted):
         w, x, y, z = (table.names.index(name) for name in QUATERNION)
         remedy = "change the header"
-        yield Mistake("the four numbers in the order qx qy qz qw", remedy, _moved(table, (x, y, z, w), (w, x, y, z)))
+        yield Mistake(
+            "the four numbers in the order qx qy qz qw", remedy, _move_columns(table, (x, y, z, w), (w, x, y, z))
+        )
         values = table.values.copy()
         values[:, [x, y, z]] *= -1.0
         yield Mistake("rotations in the other direction", "reverse qx, qy, qz", replace(table, values=values))
@@ -149,7 +151,7 @@ def _orientations(table: MeasurementTable) -> Iterator[Mistake]:
         yield Mistake(
             f"the angle columns in the order {said}",
             "change the header",
-            _moved(table, places, [places[k] for k in order]),
+            _move_columns(table, places, [places[k] for k in order]),
         )
     for text, matrices in _CONVENTIONS.items():
         values = table.values.copy()
@@ -184,7 +186,7 @@ def _roll_pitch_yaw(R: Array) -> list[float]:
     return [float(np.arctan2(R[2, 1], R[2, 2])), float(pitch), float(np.arctan2(R[1, 0], R[0, 0]))]
 
 
-def _moved(
+def _move_columns(
     table: MeasurementTable, to: list[int] | tuple[int, ...], source: list[int] | tuple[int, ...]
 ) -> MeasurementTable:
     """Columns ``to`` get the numbers of the columns ``source``."""
@@ -249,47 +251,49 @@ def estimate_checked(
     Raises :class:`InputError`, with the mistake if it is found, and what :func:`calibrate` raises.
     """
     message = "the robot does not reach most of the measured values from where its base stands"
-    found = None
+    calibration = None
     with suppress(UnreachableError):
-        found = calibrate(nominal, measured, robust)
-    if found is not None and robust:
-        _check_majority(found, nominal, measured, table)
-    belongs = found is not None and _belongs(found, nominal, measured)
-    if found is not None and belongs and (found.outliers or _reading(nominal, measured).fits):
-        return found
+        calibration = calibrate(nominal, measured, robust)
+    if calibration is not None and robust:
+        _check_majority(calibration, nominal, measured, table)
+    belongs = calibration is not None and _belongs(calibration, nominal, measured)
+    if calibration is not None and belongs and (calibration.outliers or _reading(nominal, measured).fits):
+        return calibration
     hint = _cause(nominal, measured, table)
-    if found is not None:
+    if calibration is not None:
         if belongs and hint is None:
-            return found
-        rms = float(np.sqrt(np.mean(np.sum(found.residuals[:, :3] ** 2, axis=1))))
+            return calibration
+        rms = float(np.sqrt(np.mean(np.sum(calibration.residuals[:, :3] ** 2, axis=1))))
         message = f"the measurements do not fit this robot: errors of {1e3 * rms:.0f} mm (rms) stay after calibration"
-        hint = hint or _outliers(found, nominal, measured, robust)
+        hint = hint or _outliers(calibration, nominal, measured, robust)
     usual = "compare units, the order of columns and of rotations, signs and zeros of the joints"
     usual += "" if measured.kind in ("pose", "point") else ", the base of the robot file with the measuring device"
     raise InputError([Fault(str(table.path), table.places[0], 1, message, hint=hint or usual)])
 
 
-def _check_majority(found: Calibration, nominal: Geometry, measured: Measurements, table: MeasurementTable) -> None:
+def _check_majority(
+    calibration: Calibration, nominal: Geometry, measured: Measurements, table: MeasurementTable
+) -> None:
     """Refuse the result of robust estimation if fewer than half of the measurements fit together."""
-    if found.chi2_per_dof > CROWDED and (said := _minority(found, nominal, measured)):
+    if calibration.chi2_per_dof > CROWDED and (said := _minority(calibration, nominal, measured)):
         hint = "find what spoils the others; robust estimation needs more than half good ones"
         raise InputError([Fault(str(table.path), table.places[0], 1, said, hint=hint)])
 
 
-def _minority(found: Calibration, nominal: Geometry, measured: Measurements) -> str | None:
+def _minority(calibration: Calibration, nominal: Geometry, measured: Measurements) -> str | None:
     """How many measurements fit together, in words; None if that is half of them, or too few to be a group."""
-    count, every = largest_consensus(nominal, measured, found), len(measured.q)
-    if count >= every / 2 or count * found.residuals.shape[1] <= len(found.chosen.kept):
+    count, every = largest_consensus(nominal, measured, calibration), len(measured.q)
+    if count >= every / 2 or count * calibration.residuals.shape[1] <= len(calibration.chosen.kept):
         return None
     return f"only {count} of {every} measurements ({100 * count / every:.0f} %) fit together within the stated noise"
 
 
-def _belongs(found: Calibration, nominal: Geometry, measured: Measurements) -> bool:
+def _belongs(calibration: Calibration, nominal: Geometry, measured: Measurements) -> bool:
     """Whether residuals, per degree of freedom, and corrected lengths are small against the arm."""
-    used = found.residuals[found.weights >= USED]
-    squares = np.mean(used**2, axis=0) * used.size / max(1, used.size - len(found.chosen.kept))
+    used = calibration.residuals[calibration.weights >= USED]
+    squares = np.mean(used**2, axis=0) * used.size / max(1, used.size - len(calibration.chosen.kept))
     reach = _reach(nominal, measured)
-    longer = float(np.max(np.abs(found.geometry.rows - nominal.rows)[:, 1:3]))
+    longer = float(np.max(np.abs(calibration.geometry.rows - nominal.rows)[:, 1:3]))
     lengths, angles = np.sqrt(np.sum(squares[:3])), np.sqrt(np.sum(squares[3:]))
     return bool(lengths < LARGE * reach and angles < LARGE_ANGLE and longer < LONGER * reach)
 
@@ -317,10 +321,10 @@ def _reading(nominal: Geometry, measured: Measurements, steps: int = STEPS) -> R
     return Reading(float(np.sum((residuals / scale) ** 2)) * min(3, len(scale)) / max(1, freedom), freedom)
 
 
-def _outliers(found: Calibration, nominal: Geometry, measured: Measurements, robust: bool) -> str | None:
+def _outliers(calibration: Calibration, nominal: Geometry, measured: Measurements, robust: bool) -> str | None:
     """What robust estimation makes of the measurements; None if no group of them fits even then."""
     try:
-        trial = found if robust else calibrate(nominal, measured, robust=True, steps=STEPS)
+        trial = calibration if robust else calibrate(nominal, measured, robust=True, steps=STEPS)
     except DerivationError:
         return None
     if trial.outliers and _belongs(trial, nominal, measured) and trial.chi2_per_dof < MENDED:
@@ -340,7 +344,7 @@ def _cause(nominal: Geometry, measured: Measurements, table: MeasurementTable) -
     least = min((reading.square for *_, reading in rough), default=0.0)
     likely = [(mistake, again) for mistake, again, reading in rough if reading.square <= HOPELESS * least]
     tried = [(mistake, _reading(nominal, again)) for mistake, again in likely]
-    best = min((reading for _, reading in tried), key=lambda each: each.square, default=None)
+    best = min((reading for _, reading in tried), key=lambda reading: reading.square, default=None)
     if best is None or not best.fits or _reading(nominal, measured).as_good_as(best):
         return None
     alike = [mistake for mistake, reading in tried if reading.as_good_as(best)]
@@ -348,4 +352,4 @@ def _cause(nominal: Geometry, measured: Measurements, table: MeasurementTable) -
         return f"they fit with {alike[0].text}" + (f": {alike[0].remedy}" if alike[0].remedy else "")
     if len(alike) > NAMED:
         return f"they fit with each of {len(alike)} usual mistakes, and cannot tell which: measure more, farther apart"
-    return f"they fit with {', or with '.join(each.text for each in alike)}: these measurements cannot tell which"
+    return f"they fit with {', or with '.join(mistake.text for mistake in alike)}: these measurements cannot tell which"

@@ -186,14 +186,14 @@ def _count(sizes: Array, share: float) -> int:
     return max(1, int(np.ceil(share * len(sizes))))
 
 
-def largest_consensus(nominal: Geometry, measured: Measurements, found: Calibration) -> int:
+def largest_consensus(nominal: Geometry, measured: Measurements, calibration: Calibration) -> int:
     """The largest number of measurements that fit one geometry within the stated noise, as trimmed fits find it.
 
     Three in ten of the measurements are fitted; 0 for other measurements than poses and points, or where these are too
     few for all parameters.
     """
-    entries = found.chosen.kept
-    numbers = SMALL * measured.residuals(found.geometry).size
+    entries = calibration.chosen.kept
+    numbers = SMALL * measured.residuals(calibration.geometry).size
     if measured.kind not in FEW or numbers <= len(entries):
         return 0
     geometry = trimmed_fit(nominal, measured, entries, SMALL)
@@ -263,7 +263,7 @@ def _fit(
     return search(
         start,
         lambda geometry: _linearise(geometry, measured, entries, weights),
-        moved=lambda geometry, step: geometry.moved(entries, step),
+        moved=lambda geometry, step: geometry.with_step(entries, step),
         cost=lambda geometry: float(np.sum((measured.residuals(geometry) * scale) ** 2)),
         trials=steps,
         small_gain=SMALL_GAIN,

@@ -50,7 +50,7 @@ class Fixture:
     vector: Array
     offset: float = 0.0
 
-    def computed(self, p: Array) -> Array:
+    def predict(self, p: Array) -> Array:
         """Values (N, components) that the measurements would have with the tip at the positions ``p`` (N, 3), in m."""
         if self.kind == "plane":
             return np.asarray((p @ self.vector - self.offset)[:, None])
@@ -75,7 +75,7 @@ class Fixture:
             return -self.by_position(p)
         return np.concatenate([-self.by_position(p), ones], axis=2)
 
-    def moved(self, step: Mapping[str, float]) -> Fixture:
+    def with_step(self, step: Mapping[str, float]) -> Fixture:
         """Add changes, by the names in ``KEYS``, to the parameters."""
         if self.kind == "plane":
             tilt = np.array([step.get("tilt1", 0.0), step.get("tilt2", 0.0)])
@@ -104,7 +104,7 @@ def directions(p: Array) -> Array:
     return np.asarray((p / np.maximum(np.linalg.norm(p, axis=1, keepdims=True), 1e-12))[:, None])
 
 
-def fitted(kind: FixtureKind, name: str, p: Array, values: Array) -> Fixture:
+def fit_fixture(kind: FixtureKind, name: str, p: Array, values: Array) -> Fixture:
     """Fit a fixture to tip positions ``p`` (N, 3) and measured ``values`` (N,), in m, where the estimation starts."""
     centre = p.mean(axis=0)
     if kind == "contact":
@@ -137,8 +137,8 @@ def _unit_regression(P: Array, h: Array) -> Array:
     if missing > 1e-6:  # even the least k is too large: the rest lies along the direction of least variation
         sign = 1.0 if axes[int(np.argmax(np.abs(axes[:, 0]))), 0] > 0 else -1.0
         n[0] += sign * np.sqrt(missing)
-    found = axes @ n
-    return np.asarray(found / np.linalg.norm(found))
+    vector = axes @ n
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -236,16 +236,16 @@ class Geometry:
         """
         between = range(self.n - 1)
         parallel = [i for i in between if self.is_parallel(i)]
-        found = [
-            GeometryEntry("fixture", key, k, each.name)
-            for k, each in enumerate(self.fixtures)
-            for key in KEYS[each.kind]
+        entries = [
+            GeometryEntry("fixture", key, k, fixture.name)
+            for k, fixture in enumerate(self.fixtures)
+            for key in KEYS[fixture.kind]
         ]
-        found += [GeometryEntry("base", key) for key in RIGID] + [GeometryEntry("tool", key) for key in RIGID]
-        found += [GeometryEntry("gain", "gain", j) for j in range(self.joints if self.gains is not None else 0)]
-        found += [GeometryEntry("row", "beta", i) for i in parallel]
-        found += [GeometryEntry("row", key, i) for key in ("a", "alpha", "theta", "d") for i in between]
-        return found + [GeometryEntry("row", key, self.n - 1) for key in ("theta", "d")]
+        entries += [GeometryEntry("base", key) for key in RIGID] + [GeometryEntry("tool", key) for key in RIGID]
+        entries += [GeometryEntry("gain", "gain", j) for j in range(self.joints if self.gains is not None else 0)]
+        entries += [GeometryEntry("row", "beta", i) for i in parallel]
+        entries += [GeometryEntry("row", key, i) for key in ("a", "alpha", "theta", "d") for i in between]
+        return entries + [GeometryEntry("row", key, self.n - 1) for key in ("theta", "d")]
 
     def is_parallel(self, i: int) -> bool:
         """Whether the axes i and i+1 are parallel, or nearly so."""
@@ -300,7 +300,7 @@ class Geometry:
         moving = [(factor, GeometryEntry("row", keys[i], i)) for i, factor in enumerate(factors) if factor != 0]
         return sum((factor * _twist_of(entry, frames) for factor, entry in moving), np.zeros((len(frames[0]), 6)))
 
-    def moved(self, entries: Sequence[GeometryEntry], step: Array) -> Geometry:
+    def with_step(self, entries: Sequence[GeometryEntry], step: Array) -> Geometry:
         """A copy with ``step`` (p,) added to the parameters ``entries``, in m and rad.
 
         Base and tool move along and about the axes of their own frames.
@@ -318,7 +318,7 @@ class Geometry:
             else:
                 change[entry.place][RIGID.index(entry.key)] += value
         base, tool = self.base @ rigid(change["base"]), self.tool @ rigid(change["tool"])
-        fixtures = tuple(each.moved(by) for each, by in zip(self.fixtures, touched, strict=True))
+        fixtures = tuple(fixture.with_step(by) for fixture, by in zip(self.fixtures, touched, strict=True))
         return replace(self, rows=rows, base=base, tool=tool, gains=gains, fixtures=fixtures)
 
 
@@ -384,8 +384,8 @@ def path_to_tip(spec: RobotSpec) -> tuple[int, ...]:
 
 def geometry_of(spec: RobotSpec) -> Geometry:
     """The geometry of a robot file between base and tip, at its nominal parameters."""
-    found = geometry_of_table(spec)
-    return replace(found, rows=_hayati(found.rows))
+    geometry = geometry_of_table(spec)
+    return replace(geometry, rows=_hayati(geometry.rows))
 
 
 def geometry_of_table(spec: RobotSpec) -> Geometry:

@@ -31,7 +31,7 @@ from rrrgen.lab.calibrate.geometry import (
     Geometry,
     GeometryEntry,
     directions,
-    fitted,
+    fit_fixture,
     rotation_vectors,
 )
 
@@ -77,12 +77,12 @@ class Measurements:
         if self.fixture is None:
             return geometry
         p = geometry.forward(self.q)[:, :3, 3]
-        found = []
-        for kind in (each for each in FIXTURES if each == self.kind):
+        fixtures = []
+        for kind in (fixture_kind for fixture_kind in FIXTURES if fixture_kind == self.kind):
             for k, name in enumerate(self.names):
                 i = self.fixture == k
-                found.append(fitted(kind, name, p[i], self.values[i]))
-        return replace(geometry, fixtures=tuple(found))
+                fixtures.append(fit_fixture(kind, name, p[i], self.values[i]))
+        return replace(geometry, fixtures=tuple(fixtures))
 
     def residuals(self, geometry: Geometry) -> Array:
         """Measured minus computed, (N, components), in m and rad."""
@@ -94,14 +94,14 @@ class Measurements:
         if self.kind == "point":
             return np.asarray(self.values - p)
         if self.kind in FIXTURES:
-            found = np.zeros((len(p), COUNT[self.kind]))
-            for each, i in self._touched(geometry):
-                found[i] = (0.0 if self.kind == "contact" else self.values[i, None]) - each.computed(p[i])
-            return found
+            residuals = np.zeros((len(p), COUNT[self.kind]))
+            for fixture, i in self._fixture_indices(geometry):
+                residuals[i] = (0.0 if self.kind == "contact" else self.values[i, None]) - fixture.predict(p[i])
+            return residuals
         computed = np.linalg.norm(p, axis=1) if self.kind == "distance" else np.sum(self._up(p)[:, 0] * p, axis=1)
         return np.asarray((self.values - computed)[:, None])
 
-    def observed(self, geometry: Geometry, J: Array) -> Array:
+    def convert_jacobian(self, geometry: Geometry, J: Array) -> Array:
         """Convert the derivative J (N, 6, p) of the tip to that of the measurements (N, components, p)."""
         if self.kind == "pose":
             return J
@@ -110,21 +110,21 @@ class Measurements:
         p = geometry.forward(self.q)[:, :3, 3]
         if self.kind in FIXTURES:
             by: Array = np.zeros((len(p), COUNT[self.kind], 3))
-            for each, i in self._touched(geometry):
-                by[i] = each.by_position(p[i])
+            for fixture, i in self._fixture_indices(geometry):
+                by[i] = fixture.by_position(p[i])
         else:
             by = np.asarray(directions(p) if self.kind == "distance" else self._up(p))
         return np.asarray(by @ J[:, :3])
 
     def jacobian(self, geometry: Geometry, entries: Sequence[GeometryEntry]) -> Array:
         """Derivative (N, components, p) of the computed measurements by the parameters ``entries``, in m and rad."""
-        J = self.observed(geometry, geometry.jacobian(self.q, entries))
+        J = self.convert_jacobian(geometry, geometry.jacobian(self.q, entries))
         places = {(e.row, e.key): k for k, e in enumerate(entries) if e.place == "fixture"}
         if places:
             p = geometry.forward(self.q)[:, :3, 3]
-            for number, (each, i) in enumerate(self._touched(geometry)):
-                by = each.by_parameters(p[i])
-                for k, key in enumerate(KEYS[each.kind]):
+            for number, (fixture, i) in enumerate(self._fixture_indices(geometry)):
+                by = fixture.by_parameters(p[i])
+                for k, key in enumerate(KEYS[fixture.kind]):
                     if (number, key) in places:
                         J[i, :, places[number, key]] = by[:, :, k]
         return J
@@ -134,9 +134,9 @@ class Measurements:
         up = np.array([[0.0, 0.0, 1.0]]) if self.normals is None else self.normals
         return np.broadcast_to(up[:, None], (len(p), 1, 3))
 
-    def _touched(self, geometry: Geometry) -> list[tuple[Fixture, Numbers]]:
+    def _fixture_indices(self, geometry: Geometry) -> list[tuple[Fixture, Numbers]]:
         """Every fixture with the indices of the measurements that touched it."""
-        return [(each, np.flatnonzero(self.fixture == k)) for k, each in enumerate(geometry.fixtures)]
+        return [(fixture, np.flatnonzero(self.fixture == k)) for k, fixture in enumerate(geometry.fixtures)]
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -255,7 +255,7 @@ def _table(lines: list[list[str]], places: list[int], path: Path, joints: Sequen
     kind, wanted = _form(names, path, places[0])
     known = {*(names[k] for k in columns), *wanted}
     faults = [
-        Fault(str(path), places[0], 1, f"the column '{name}' is not used", hint=_allowed(joints))
+        Fault(str(path), places[0], 1, f"the column '{name}' is not used", hint=_columns_hint(joints))
         for name in names
         if name not in known
     ]
@@ -288,7 +288,7 @@ def _lines(path: Path) -> tuple[list[list[str]], list[int]]:
 
 def _header(words: list[str], line: int, path: Path) -> tuple[list[str], Array]:
     names, factors = [], []
-    if len(words) == 1 and (other := next((each for each in ";\t" if each in words[0]), None)):
+    if len(words) == 1 and (other := next((character for character in ";\t" if character in words[0]), None)):
         separator = "tabs" if other == "\t" else f"'{other}'"
         hint = "separate them by commas, and write decimals with a point"
         message = f"the columns are separated by {separator}, not by ','"
@@ -314,7 +314,7 @@ def _joint_columns(names: list[str], joints: Sequence[str], path: Path, line: in
         if all(name in names for name in wanted):
             return [names.index(name) for name in wanted]
     missing = [name for name in joints if name not in names]
-    hint = did_you_mean(missing[0], names) or _allowed(joints)
+    hint = did_you_mean(missing[0], names) or _columns_hint(joints)
     raise InputError([Fault(str(path), line, 1, f"there is no column for joint '{missing[0]}'", hint=hint)])
 
 
@@ -322,10 +322,10 @@ def _form(names: list[str], path: Path, line: int) -> tuple[Kind, tuple[str, ...
     for kind, wanted in FORMS:
         if all(name in names for name in wanted):
             return kind, wanted
-    raise InputError([Fault(str(path), line, 1, "no column says what was measured", hint=_allowed(()))])
+    raise InputError([Fault(str(path), line, 1, "no column says what was measured", hint=_columns_hint(()))])
 
 
-def _allowed(joints: Sequence[str]) -> str:
+def _columns_hint(joints: Sequence[str]) -> str:
     forms = "; ".join(" ".join(columns) for _, columns in FORMS)
     return f"columns are {' '.join(joints)} and one of: {forms}".replace("are  and", "are those of the joints and")
 
@@ -342,7 +342,7 @@ def _numbers(
         for j, word in enumerate(row):
             if j == words:
                 if not NAME.fullmatch(word):
-                    column = sum(len(each) + 1 for each in row[:j]) + 1
+                    column = sum(len(cell) + 1 for cell in row[:j]) + 1
                     message = f"'{word[:30]}' is no name of what was touched"
                     faults.append(Fault(str(path), line, column, message, hint="letters, digits, _ and -"))
                 continue
@@ -351,7 +351,7 @@ def _numbers(
             except ValueError:
                 values[k, j] = math.nan
             if not math.isfinite(values[k, j]):
-                column = sum(len(each) + 1 for each in row[:j]) + 1
+                column = sum(len(cell) + 1 for cell in row[:j]) + 1
                 faults.append(Fault(str(path), line, column, f"'{word[:30]}' is not a number"))
     return values
 

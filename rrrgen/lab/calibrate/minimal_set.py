@@ -94,19 +94,19 @@ def _moved_onto(geometry: Geometry, drawn: Measurements) -> Measurements:
     """Move joint positions by Newton steps of least length until the residuals vanish; drop those that do not."""
     q, every = drawn.q, np.arange(len(drawn.q))
     reach = np.abs(geometry.forward(q)[:, :3, 3]).max()
-    found: list[tuple[Array, Numbers]] = []
+    arrivals: list[tuple[Array, Numbers]] = []
     for _ in range(STEPS):
         at = drawn.of(every, q)
         residuals = at.residuals(geometry)
         arrived = np.abs(residuals).max(axis=1) < ON_VALUE * reach
-        found.append((q[arrived], every[arrived]))
-        if sum(len(numbers) for _, numbers in found) >= POSES:
+        arrivals.append((q[arrived], every[arrived]))
+        if sum(len(numbers) for _, numbers in arrivals) >= POSES:
             break
-        by = at.observed(geometry, geometry.by_joints(q))[~arrived]
+        by = at.convert_jacobian(geometry, geometry.by_joints(q))[~arrived]
         step = np.einsum("njc,nc->nj", np.linalg.pinv(by, rcond=1e-6), residuals[~arrived])
         q = q[~arrived] + step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / LONGEST)
         every = every[~arrived]
-    q, every = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    q, every = (np.concatenate(parts) for parts in zip(*arrivals, strict=True))
     if len(q) < POSES / 2:
         raise UnreachableError("the robot does not reach most of the measured values from where its base stands")
     return drawn.of(every[:POSES], q[:POSES])
@@ -169,9 +169,11 @@ def random_positions(spec: RobotSpec, count: int, seed: int) -> Array:
     """Random joint positions (N, n), at most ``count``, inside the limits of joints and of rows that follow several."""
     lower, upper = _limits(spec)
     q = np.random.default_rng(seed).uniform(lower, upper, (count, spec.n))
-    for each in follower_limits(spec):
-        value = q @ np.array(each.factors)
-        least, most = (end if end is not None else side * np.inf for end, side in ((each.lower, -1), (each.upper, 1)))
+    for limits in follower_limits(spec):
+        value = q @ np.array(limits.factors)
+        least, most = (
+            end if end is not None else side * np.inf for end, side in ((limits.lower, -1), (limits.upper, 1))
+        )
         q = q[(least <= value) & (value <= most)]
     return q
 

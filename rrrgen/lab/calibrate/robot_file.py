@@ -48,14 +48,14 @@ DIGITS = 12  # decimals of calibrated values (m, rad)
 def calibrated_spec(spec: RobotSpec, geometry: Geometry, source: str) -> RobotSpec:
     """Replace the geometry of ``spec`` by ``geometry``; ``source`` is a text on where the numbers come from."""
     has_beta = bool(np.any(geometry.rows[:, 4]))
-    found = _new_rows(spec, geometry) if has_beta else _same_rows(spec, geometry)
-    found = found if geometry.gains is None else _with_gains(found, geometry.gains)
-    return replace(found, parameters={}, parameter_units={}, basis=None, provenance=(), source=source)
+    robot = _new_rows(spec, geometry) if has_beta else _same_rows(spec, geometry)
+    robot = robot if geometry.gains is None else _with_gains(robot, geometry.gains)
+    return replace(robot, parameters={}, parameter_units={}, basis=None, provenance=(), source=source)
 
 
 def _with_gains(spec: RobotSpec, gains: Array) -> RobotSpec:
     """Multiply the joint positions that the rows follow by ``gains`` (joints,)."""
-    exact = [_rounded(gain) for gain in gains]
+    exact = [_rational(gain) for gain in gains]
     if spec.mechanism is not None:
         matrix = tuple(tuple(f * g for f, g in zip(row, exact, strict=True)) for row in spec.mechanism.matrix)
         return replace(spec, mechanism=replace(spec.mechanism, matrix=matrix))
@@ -66,14 +66,14 @@ def _with_gains(spec: RobotSpec, gains: Array) -> RobotSpec:
     return replace(spec, joints=plain, mechanism=MechanismSpec(bare, tuple(range(-1, spec.n - 1)), spec.n - 1, matrix))
 
 
-def _rounded(value: float) -> sp.Rational:
+def _rational(value: float) -> sp.Rational:
     return sp.Rational(round(float(value) * 10**DIGITS), 10**DIGITS)
 
 
-def _kept(nominal: sp.Expr, spec: RobotSpec, value: float) -> sp.Expr:
+def _exact_value(nominal: sp.Expr, spec: RobotSpec, value: float) -> sp.Expr:
     """The exact ``nominal`` expression of a parameter if ``value`` agrees with it up to rounding, else ``value``."""
     exact = spec.nominal(nominal)
-    return exact if abs(float(exact) - value) < 10.0**-DIGITS else _rounded(value)
+    return exact if abs(float(exact) - value) < 10.0**-DIGITS else _rational(value)
 
 
 def _same_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
@@ -83,44 +83,47 @@ def _same_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
     signs = [spec.rows[k].sign for k in path_to_tip(spec)]
     for i, joint in enumerate(spec.rows[k] for k in path_to_tip(spec)):
         theta, d = geometry.rows[i, :2]
-        changed = {"theta": _kept(joint.theta, spec, signs[i] * theta), "d": _kept(joint.d, spec, signs[i] * d)}
+        changed = {
+            "theta": _exact_value(joint.theta, spec, signs[i] * theta),
+            "d": _exact_value(joint.d, spec, signs[i] * d),
+        }
         row = i if standard else i - 1
-        own_twist = 0 <= row < geometry.n - 1
+        is_inner = 0 <= row < geometry.n - 1
         for key, column in (("a", 2), ("alpha", 3)):
             nominal = getattr(joint, key)
-            value = geometry.rows[row, column] if own_twist else float(spec.nominal(nominal))
-            if own_twist and key == "alpha" and -1 in signs[row : row + 2]:  # half turns about x stand in the geometry
+            value = geometry.rows[row, column] if is_inner else float(spec.nominal(nominal))
+            if is_inner and key == "alpha" and -1 in signs[row : row + 2]:  # half turns about x stand in the geometry
                 value -= np.pi * signs[row : row + 2].count(-1)
                 value += 2 * np.pi * np.round((float(spec.nominal(nominal)) - value) / (2 * np.pi))
-            changed[key] = _kept(nominal, spec, value) if own_twist else spec.nominal(nominal)
+            changed[key] = _exact_value(nominal, spec, value) if is_inner else spec.nominal(nominal)
         joints.append(replace(joint, **changed))
     # the twists before the first joint and behind the last are part of base and tool there, and rows here
-    base = _twisted(geometry.base, spec, before.base, first=True)
-    tool = _twisted(geometry.tool, spec, before.tool, first=False)
+    base = _remove_twist(geometry.base, spec, before.base, first=True)
+    tool = _remove_twist(geometry.tool, spec, before.tool, first=False)
     tools = {name: _transform(_matrix(other, spec)) for name, other in spec.tools.items()}
     return replace(_with_rows(spec, joints), base=_transform(base), tool=_transform(tool), tools=tools)
 
 
-def _with_rows(spec: RobotSpec, found: list[JointSpec]) -> RobotSpec:
-    """Replace rows of the Denavit-Hartenberg table by those of the same names in ``found``; others become numbers.
+def _with_rows(spec: RobotSpec, replacements: list[JointSpec]) -> RobotSpec:
+    """Replace rows of the Denavit-Hartenberg table by ``replacements`` of the same names; others become numbers.
 
     A mechanism stores its rows apart from its driven joints; there both are replaced.
     """
-    by_name = {row.name: row for row in found}
+    by_name = {row.name: row for row in replacements}
 
-    def changed(row: JointSpec) -> JointSpec:
+    def replace_row(row: JointSpec) -> JointSpec:
         source = by_name.get(row.name, row)
         values = {key: spec.nominal(getattr(source, key)) for key in ("alpha", "a", "d", "theta")}
         return replace(row, sign=source.sign, **values)
 
-    joints = tuple(changed(joint) for joint in spec.joints)
+    joints = tuple(replace_row(joint) for joint in spec.joints)
     if spec.mechanism is None:
         return replace(spec, joints=joints)
-    rows = tuple(changed(row) for row in spec.mechanism.rows)
+    rows = tuple(replace_row(row) for row in spec.mechanism.rows)
     return replace(spec, joints=joints, mechanism=replace(spec.mechanism, rows=rows))
 
 
-def _twisted(T: Array, spec: RobotSpec, nominal: Array, first: bool) -> Array:
+def _remove_twist(T: Array, spec: RobotSpec, nominal: Array, first: bool) -> Array:
     """Remove a nominal twist from the transform ``T`` of the base (``first``) or the tool.
 
     :func:`geometry_of` counts the twist before the first joint as part of the base, the one behind the last joint as
@@ -138,7 +141,7 @@ def _matrix(fixed: FixedTransform, spec: RobotSpec) -> Array:
 
 
 def _transform(T: Array) -> FixedTransform:
-    x, y, z = (_rounded(v) for v in T[:3, 3])
+    x, y, z = (_rational(v) for v in T[:3, 3])
     return FixedTransform(tuple(sp.Rational(repr(float(v))) for v in T[:3, :3].ravel()), (x, y, z))
 
 
@@ -164,11 +167,11 @@ def _new_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
 def _link_in_joint_frames(spec: RobotSpec) -> list[Exact]:
     """The link frame (4, 4) of each row to the tip, in the frame after its joint, to which the body is fixed."""
     stated, nominal = _joint_frames(geometry_of_table(spec)), _joint_frames(geometry_of(spec))
-    found, table = [], dh_rows(spec, nominal=True)
+    frames, table = [], dh_rows(spec, nominal=True)
     for i, k in enumerate(path_to_tip(spec)):
         a, alpha = table[k].behind
-        found.append(inverse(nominal[i]) @ stated[i] @ _turn(0, float(alpha), float(a)))
-    return found
+        frames.append(inverse(nominal[i]) @ stated[i] @ _turn(0, float(alpha), float(a)))
+    return frames
 
 
 def _branches(spec: RobotSpec, geometry: Geometry, table: DenavitHartenberg) -> list[JointSpec]:
@@ -177,7 +180,7 @@ def _branches(spec: RobotSpec, geometry: Geometry, table: DenavitHartenberg) -> 
     The link frame of the parent has moved along and about that axis, by which their theta and d change. Raises
     :class:`DerivationError` where a row cannot follow: in the modified convention, and beyond the tip.
     """
-    path, found = path_to_tip(spec), []
+    path, branches = path_to_tip(spec), []
     before, after = _axis_frames(geometry_of(spec)), _axis_frames(geometry)
     nominal = _link_frames(spec)
     for i in (i for i in range(len(spec.rows)) if i not in path and spec.parents[i] in (-1, *path)):
@@ -191,8 +194,8 @@ def _branches(spec: RobotSpec, geometry: Geometry, table: DenavitHartenberg) -> 
         change = inverse(inverse(after[following]) @ new) @ old  # a screw along z
         turn = HIGH.atan2(change[1, 0], change[0, 0])
         theta, d = (number(float(spec.nominal(value))) for value in (row.theta, row.d))
-        found.append(replace(row, theta=exact_angle(theta + turn), d=exact_length(d + change[2, 3])))
-    return found
+        branches.append(replace(row, theta=exact_angle(theta + turn), d=exact_length(d + change[2, 3])))
+    return branches
 
 
 def _axis_frames(geometry: Geometry) -> list[Exact]:
@@ -204,12 +207,12 @@ def _axis_frames(geometry: Geometry) -> list[Exact]:
 def _link_frames(spec: RobotSpec) -> list[Exact]:
     """The frames (4, 4) of base and links along the path to the tip at q = 0, in the standard convention."""
     T = _exact(_matrix(spec.base, spec))
-    found = [T]
+    frames = [T]
     for joint in (spec.rows[i] for i in path_to_tip(spec)):
         theta, d, a, alpha = (float(spec.nominal(v)) for v in (joint.theta, joint.d, joint.a, joint.alpha))
         T = T @ _turn(2, theta, d) @ _turn(0, alpha, a)
-        found.append(T)
-    return found
+        frames.append(T)
+    return frames
 
 
 def _joint_frames(geometry: Geometry) -> list[Exact]:
@@ -252,7 +255,7 @@ def _links(spec: RobotSpec, bodies: list[Exact], table: DenavitHartenberg) -> li
     Links of rows beside the path to the tip stay as they are.
     """
     assert spec.links is not None
-    found = list(spec.links)
+    links = list(spec.links)
     for i, k in enumerate(path_to_tip(spec)):
         link = spec.links[k]
         xx, yy, zz, xy, xz, yz = link.inertia_about_origin()
@@ -261,6 +264,6 @@ def _links(spec: RobotSpec, bodies: list[Exact], table: DenavitHartenberg) -> li
             [[number(v) for v in row] for row in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))], dtype=object
         )
         tensor = tensor - m * (sum(com * com) * identity(3) - np.outer(com, com))
-        body = Inertia(m, com, tensor).moved(bodies[i])
-        found[k] = link_in_frame(body, table.link_frames[i])
-    return found
+        body = Inertia(m, com, tensor).transform(bodies[i])
+        links[k] = link_in_frame(body, table.link_frames[i])
+    return links

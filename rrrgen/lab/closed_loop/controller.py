@@ -87,7 +87,7 @@ class LoopController:
 
     def uses(self, signal: str) -> bool:
         """Whether the controller of any joint reads the input ``signal``, one of :data:`INPUTS`."""
-        return any(signal in each.of for joint in self.joints for each in joint.signals.values()) or any(
+        return any(signal in operation.of for joint in self.joints for operation in joint.signals.values()) or any(
             signal in (joint.torque, joint.acts) for joint in self.joints
         )
 
@@ -102,9 +102,9 @@ class LoopController:
         longest = 1
         for joint in self.joints:
             total = 0
-            for each in joint.signals.values():
-                if each.kind == "filter":
-                    total += _settling(each.values)
+            for operation in joint.signals.values():
+                if operation.kind == "filter":
+                    total += _settling(operation.values)
             longest = max(longest, total)
         return longest + int(np.ceil(self.delay)) + 1
 
@@ -137,14 +137,14 @@ class Tables:
         signals, memory = len(INPUTS) * len(controller.joints), 0
         for j, joint in enumerate(controller.joints):
             place = {name: len(INPUTS) * j + k for k, name in enumerate(INPUTS)}
-            for name, each in joint.signals.items():
-                of = [place[source] for source in each.of]
-                kind = KINDS.index(each.kind)
-                match each.kind:
+            for name, operation in joint.signals.items():
+                of = [place[source] for source in operation.of]
+                kind = KINDS.index(operation.kind)
+                match operation.kind:
                     case "sum":
                         operations += [kind, signals, len(of), *of]
                     case "filter":
-                        order = len(each.values) // 2 - 1
+                        order = len(operation.values) // 2 - 1
                         operations += [kind, signals, of[0], order, memory]
                         memory += order
                     case "integral":
@@ -152,7 +152,7 @@ class Tables:
                         memory += 1
                     case _:
                         operations += [kind, signals, of[0]]
-                coefficients += each.values
+                coefficients += operation.values
                 place[name] = signals
                 signals += 1
             outputs += [place[joint.torque], place[joint.acts]]
@@ -165,7 +165,7 @@ class Tables:
         )
 
 
-def filtered(of: str, numerator: tuple[float, ...], denominator: tuple[float, ...] = (1.0,)) -> Operation:
+def filter_operation(of: str, numerator: tuple[float, ...], denominator: tuple[float, ...] = (1.0,)) -> Operation:
     """Filter of the signal ``of`` with coefficients in ascending powers of 1/z, normalized to a leading 1.
 
     Raises InputError for an empty numerator or denominator, or a first denominator coefficient of 0.
@@ -277,7 +277,7 @@ class _ControllerReader(Reader):
         records: Record = "applied"
         if "records" in top:
             word = self.choice(top["records"], "records", RECORDS)
-            records = next((each for each in RECORDS if each == word), records)
+            records = next((record for record in RECORDS if record == word), records)
         return LoopController(tuple(self.read_joints(top)), self.period, delay, records, self.faults.file)
 
     def sampling(self, root: Node, top: dict[str, Node]) -> float:
@@ -298,14 +298,14 @@ class _ControllerReader(Reader):
         if not isinstance(node, SequenceNode) or not node.items:
             self.faults.error(node, f"joints is {describe(node)}, not a list", "one entry per joint, in order")
             return []
-        found: list[JointController] = []
+        joints: list[JointController] = []
         for k, item in enumerate(node.items):
-            own = {"name": item} if isinstance(item, ScalarNode) else self.values(item, f"joints[{k}]", JOINT_KEYS)
-            if own is None:
+            entries = {"name": item} if isinstance(item, ScalarNode) else self.values(item, f"joints[{k}]", JOINT_KEYS)
+            if entries is None:
                 continue
-            part = {key: top[key] for key in ("signals", "torque", "acts") if key in top} | own
+            part = {key: top[key] for key in ("signals", "torque", "acts") if key in top} | entries
             name = self.text(part["name"], f"joints[{k}].name") if "name" in part else f"joint {k + 1}"
-            if any(each.name == name for each in found):
+            if any(joint.name == name for joint in joints):
                 self.faults.error(item, f"a second joint '{name}'")
             for key in ("signals", "torque"):
                 if key not in part:
@@ -314,18 +314,18 @@ class _ControllerReader(Reader):
             known = (*INPUTS, *signals)
             torque = self.choice(part["torque"], f"torque of '{name}'", known) if "torque" in part else "feedforward"
             acts = self.choice(part["acts"], f"acts of '{name}'", known) if "acts" in part else torque
-            found.append(JointController(name, signals, torque, acts))
-        return found
+            joints.append(JointController(name, signals, torque, acts))
+        return joints
 
     def read_signals(self, node: Node, joint: str) -> dict[str, Operation]:
-        found: dict[str, Operation] = {}
+        signals: dict[str, Operation] = {}
         for name, (key, value) in (read_entries(node, f"signals of '{joint}'", self.faults) or {}).items():
             if name in INPUTS:
                 self.faults.error(key, f"a signal must not be called '{name}'", f"{', '.join(INPUTS)} are given")
                 continue
-            operation = self.operation(value, name, (*INPUTS, *found))
-            found[name] = operation or Operation("sum", (), ())
-        return found
+            operation = self.operation(value, name, (*INPUTS, *signals))
+            signals[name] = operation or Operation("sum", (), ())
+        return signals
 
     def operation(self, node: Node, name: str, known: tuple[str, ...]) -> Operation | None:
         entries = read_entries(node, f"signal '{name}'", self.faults) or {}
@@ -339,7 +339,7 @@ class _ControllerReader(Reader):
         if kind not in part:
             return None
         if kind == "sum":
-            return self.weighted(part["sum"], name, known)
+            return self.weighted_sum(part["sum"], name, known)
         of = self.choice(part[kind], f"{kind} of signal '{name}'", known)
         readers: dict[str, Callable[[str, dict[str, Node], str, Node], Operation | None]] = {
             "filter": self.filter,
@@ -352,7 +352,7 @@ class _ControllerReader(Reader):
         }
         return readers[kind](of, part, name, node)
 
-    def weighted(self, node: Node, name: str, known: tuple[str, ...]) -> Operation:
+    def weighted_sum(self, node: Node, name: str, known: tuple[str, ...]) -> Operation:
         of, weights = [], []
         for source, (key, value) in (read_entries(node, f"sum of signal '{name}'", self.faults) or {}).items():
             if source not in known:
@@ -376,7 +376,7 @@ class _ControllerReader(Reader):
         if not coefficients["denominator"] or coefficients["denominator"][0] == 0.0:
             self.faults.error(part.get("denominator", node), f"denominator of '{name}' starts with 0", "e.g. [1, -0.9]")
             return None
-        return filtered(of, coefficients["numerator"] or (0.0,), coefficients["denominator"])
+        return filter_operation(of, coefficients["numerator"] or (0.0,), coefficients["denominator"])
 
     def window(self, of: str, part: dict[str, Node], name: str, node: Node) -> Operation:
         """Read a difference quotient, moving average or delay over a number of samples, as a filter."""
@@ -389,12 +389,12 @@ class _ControllerReader(Reader):
             self.faults.error(node, f"'{name}' spans no sample", "1 or more")
             count = 1
         if kind == "average":
-            return filtered(of, (1.0 / count,) * count)
+            return filter_operation(of, (1.0 / count,) * count)
         zeros = (0.0,) * (count - 1)
         if kind == "delayed":
-            return filtered(of, (0.0, *zeros, 1.0))
+            return filter_operation(of, (0.0, *zeros, 1.0))
         slope = 1.0 / (count * self.period)
-        return filtered(of, (slope, *zeros, -slope))
+        return filter_operation(of, (slope, *zeros, -slope))
 
     def integral(self, of: str, part: dict[str, Node], name: str, node: Node) -> Operation:
         gain = self.number(part.get("gain"), f"gain of '{name}'") if "gain" in part else 1.0

@@ -20,12 +20,12 @@ from rrrgen.lab.closed_loop.controller import LoopController
 from rrrgen.lab.closed_loop.loop import CompiledLoop, bristle_ports, friction_inputs
 from rrrgen.lab.closed_loop.loop_recording import LoopRecording, loop_recordings
 from rrrgen.lab.closed_loop.output_error import OutputErrorProblem
-from rrrgen.lab.closed_loop.validation import LoopScore, Replay, as_json, loop_score, replayed
+from rrrgen.lab.closed_loop.validation import LoopScore, Replay, as_json, loop_score, replay_controller
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.data.uniform_stream import Part
 from rrrgen.lab.friction.candidate_laws import Candidate
-from rrrgen.lab.friction.estimation import FrictionEstimate, LawEstimate, reported
+from rrrgen.lab.friction.estimation import FrictionEstimate, LawEstimate, reported_values
 from rrrgen.lab.friction.joint_recording import CUTOFF
 from rrrgen.lab.friction.joint_simulation import Directed
 from rrrgen.program import Builder, Port, Program, Role
@@ -87,7 +87,7 @@ class JointEquations:
         outputs = [(port, [law.torque(at, u[0], values)])]
         if law.bristles is not None:
             bristles = law.bristles(Directed(builder, d[0]), u[0], values)
-            outputs += [(each, [value]) for each, value in zip(bristle_ports(1), bristles, strict=True)]
+            outputs += [(bristle_port, [value]) for bristle_port, value in zip(bristle_ports(1), bristles, strict=True)]
         friction = builder.program("friction", outputs, summary="Friction in a given direction.")
         return terms, friction
 
@@ -99,7 +99,7 @@ class _LawParameters:
     candidate: Candidate
 
     def theta(self, z: Array) -> Array:
-        return self.candidate.clipped(self.candidate.from_free(np.append(z, 0.0)))[:-1]
+        return self.candidate.clip(self.candidate.from_free(np.append(z, 0.0)))[:-1]
 
     def steps(self, z: Array) -> Array:
         return np.where(self.logarithms(z), STEP, STEP * np.maximum(np.abs(z), SMALLEST))
@@ -139,26 +139,26 @@ class LoopRefinement:
 
 
 def refine(
-    found: FrictionEstimate,
+    estimate: FrictionEstimate,
     log: Log,
     controller: LoopController,
     progress: Tell | None = None,
 ) -> LoopRefinement:
     """Refine a friction estimate of one joint by closed-loop output error.
 
-    ``found`` is the estimate, whose chosen law is refined, from the recording ``log``. ``controller`` may describe
+    The chosen law of ``estimate``, from the recording ``log``, is refined. ``controller`` may describe
     several joints; only the controller of this joint is used. ``progress`` is called with messages. Raises InputError
     if ``controller`` lacks the joint, DerivationError if the simulated loop diverges.
     """
-    name, law = found.data.name, found.chosen
-    own = [joint for joint in controller.joints if joint.name == name]
-    if not own:
+    name, law = estimate.data.name, estimate.chosen
+    joints = [joint for joint in controller.joints if joint.name == name]
+    if not joints:
         raise InputError(f"the controller has no joint '{name}'; it has {', '.join(controller.names)}")
-    single = replace(controller, joints=tuple(own))
+    single = replace(controller, joints=tuple(joints))
     processing = Processing("butterworth", cutoff=min(CUTOFF, 0.2 / log.period))
     recordings = loop_recordings([_OneJoint(log, log.joints.index(name))], single, processing)
     loop = CompiledLoop(JointEquations(law.candidate), single)
-    check = replayed(loop, recordings)
+    check = replay_controller(loop, recordings)
     work = OutputErrorProblem(loop, _LawParameters(law.candidate), recordings, [r.scored for r in recordings])
     start = law.theta[:-1]
     try:
@@ -168,9 +168,9 @@ def refine(
     theta = work.parameters.theta(fit.z)
     before = _score("before the refinement", loop, start, recordings)
     after = _score("refined", loop, theta, recordings)
-    again = _refined(law, theta, work.covariance(fit), found.data.period)
-    laws = tuple(again if each is law else each for each in found.laws)
-    return LoopRefinement(replace(found, laws=laws, chosen=again), check, before, after, law.values)
+    again = _with_refined_parameters(law, theta, work.covariance(fit), estimate.data.period)
+    laws = tuple(again if law_estimate is law else law_estimate for law_estimate in estimate.laws)
+    return LoopRefinement(replace(estimate, laws=laws, chosen=again), check, before, after, law.values)
 
 
 def _score(data: str, loop: CompiledLoop, theta: Array, recordings: Sequence[LoopRecording]) -> LoopScore:
@@ -179,13 +179,13 @@ def _score(data: str, loop: CompiledLoop, theta: Array, recordings: Sequence[Loo
     return score
 
 
-def _refined(law: LawEstimate, theta: Array, covariance: Array, period: float) -> LawEstimate:
+def _with_refined_parameters(law: LawEstimate, theta: Array, covariance: Array, period: float) -> LawEstimate:
     """Copy of ``law`` with the refined parameters ``theta`` (k,); ``period`` (s) is that of the controller.
 
     Standard deviations follow from ``covariance``, that of the optimizer's variables, by the delta method.
     """
     whole = np.append(theta, law.theta[-1])
-    values = reported(law.candidate, whole, period)
+    values = reported_values(law.candidate, whole, period)
     logs = law.candidate.is_logarithmic[:-1]
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * np.where(logs, theta, 1.0)
     std = dict(zip(law.candidate.names[:-1], spread.tolist(), strict=True))

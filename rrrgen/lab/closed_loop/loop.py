@@ -66,7 +66,9 @@ class LoopEquations:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters in theta, friction shape parameters last."""
-        shapes = (f"{shape}{each.owner}" for each in self.regressor.surfaces for shape in each.definition.shapes)
+        shapes = (
+            f"{shape}{surface.owner}" for surface in self.regressor.surfaces for shape in surface.definition.shapes
+        )
         return (*self.regressor.names, *shapes)
 
     @property
@@ -77,18 +79,18 @@ class LoopEquations:
     @cached_property
     def directions(self) -> Array:
         """Matrix W (m, n) that maps joint speeds to sliding speeds of the m friction surfaces, ``u = W dq``."""
-        found = [column.direction for column in self.columns if column.kind in SLIDING]
-        found += [surface.direction for surface in self.regressor.surfaces]
-        kept = dict.fromkeys(tuple(float(w) for w in direction) for direction in found)
+        directions = [column.direction for column in self.columns if column.kind in SLIDING]
+        directions += [surface.direction for surface in self.regressor.surfaces]
+        kept = dict.fromkeys(tuple(float(w) for w in direction) for direction in directions)
         return np.array([[*direction] for direction in kept]).reshape(len(kept), self.n)
 
     @cached_property
     def bent(self) -> tuple[bool, ...]:
         """Whether the friction of each of the m surfaces has a state, so that it builds up gradually."""
-        found = [False] * len(self.directions)
+        flags = [False] * len(self.directions)
         for surface in self.regressor.surfaces:
-            found[self._surface(surface.direction)] |= surface.has_state
-        return tuple(found)
+            flags[self._surface(surface.direction)] |= surface.has_state
+        return tuple(flags)
 
     @cached_property
     def carried(self) -> Array | None:
@@ -96,11 +98,11 @@ class LoopEquations:
 
         Rows of surfaces whose friction does not depend on the load are zero.
         """
-        found = np.zeros((len(self.directions), self.n))
+        matrix = np.zeros((len(self.directions), self.n))
         for surface in self.regressor.surfaces:
             if surface.definition.has_load:
-                found[self._surface(surface.direction)] = surface.carried
-        return found if found.any() else None
+                matrix[self._surface(surface.direction)] = surface.carried
+        return matrix if matrix.any() else None
 
     def programs(self) -> tuple[Program, ...]:
         """Programs of the equations of motion.
@@ -122,11 +124,11 @@ class LoopEquations:
         refuse_newton(derived.spec, "the simulated closed loop")
         # without drive inertia, which is added below
         known[Role.BASE_PARAMETERS] = [*theta[: derived.b], *[0] * (derived.beta_size - derived.b)]
-        M = _replayed(programs["mass_matrix"], builder, known)
-        load = _replayed(programs["bias"], builder, known)
+        M = _replay_program(programs["mass_matrix"], builder, known)
+        load = _replay_program(programs["bias"], builder, known)
         for k, column in enumerate(self.columns):
             if column.kind == "inertia":
-                w = [Fraction(each) for each in column.direction]
+                w = [Fraction(component) for component in column.direction]
                 for i in range(n):
                     for j in range(n):
                         M[n * i + j] = M[n * i + j] + w[i] * w[j] * theta[k]
@@ -152,7 +154,7 @@ class LoopEquations:
         shape = len(self.columns)
         for surface in self.regressor.surfaces:
             law, j = surface.definition, self._surface(surface.direction)
-            linear = dict(zip((each.name for each in law.linear), theta[k:], strict=False))
+            linear = dict(zip((parameter.name for parameter in law.linear), theta[k:], strict=False))
             shapes = theta[shape : shape + len(law.shapes)]
             at = s[j] if surface.has_state else d[j]
             factors = law.factors(Directed(builder, d[j]), u[j], at, shapes)
@@ -195,7 +197,7 @@ def bristle_ports(m: int) -> tuple[Port, Port]:
     return reach, Port("damping", (m,), "N m s/rad | N s/m", "", "torques per rate of the deflections")
 
 
-def _replayed(program: Program, builder: Builder, known: dict[Role, list[Any]]) -> list[Any]:
+def _replay_program(program: Program, builder: Builder, known: dict[Role, list[Any]]) -> list[Any]:
     inputs: list[Any] = [known.get(port.role, [Fraction(0)] * port.size) for port in program.inputs]
     return list(replay(program, builder, inputs)[0])
 
@@ -269,7 +271,7 @@ class CompiledLoop:
         carried = np.zeros(0) if equations.carried is None else equations.carried
         values = {
             **{"n": equations.n, "m": len(equations.directions), "W": _literals(equations.directions)},
-            **{"states": any(equations.bent), "bent": ", ".join(str(int(each)) for each in equations.bent)},
+            **{"states": any(equations.bent), "bent": ", ".join(str(int(flag)) for flag in equations.bent)},
             **{"loads": equations.carried is not None, "carried": _literals(carried)},
         }
         programs = equations.programs()
@@ -302,7 +304,7 @@ class CompiledLoop:
             *(recording.reference_velocity, recording.feedforward, recording.start),
             *(np.zeros(tables.signals), np.zeros(tables.memory + 1), q, dq, command, acting),
         ]
-        doubles = [self._ffi.from_buffer("double[]", np.ascontiguousarray(each, float)) for each in doubles]
+        doubles = [self._ffi.from_buffer("double[]", np.ascontiguousarray(array, float)) for array in doubles]
         ends = self._lib.loop_run(
             self._ffi.from_buffer("double[]", theta),
             self._ffi.from_buffer("int[]", tables.operations),
@@ -313,7 +315,7 @@ class CompiledLoop:
             *doubles,
         )
         diverged = None if ends == samples else int(ends)
-        return SimulatedLoop(q, dq, recording.as_recorded(command), recording.held(acting), diverged)
+        return SimulatedLoop(q, dq, recording.as_recorded(command), recording.apply_delay(acting), diverged)
 
 
 def _literals(values: Array) -> str:

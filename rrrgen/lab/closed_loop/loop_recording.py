@@ -15,7 +15,7 @@ from rrrgen.base.errors import InputError
 from rrrgen.lab.closed_loop.controller import LoopController
 from rrrgen.lab.data.mapping import Signal
 from rrrgen.lab.data.preprocessing import Processing
-from rrrgen.lab.data.uniform_stream import Part, joined
+from rrrgen.lab.data.uniform_stream import Part, join_parts
 from rrrgen.lab.identify.observations import Recording, reconstruct
 
 RATE_TOLERANCE = 0.01  # relative difference from a whole ratio of the two sampling periods
@@ -67,13 +67,13 @@ class LoopRecording:
     @cached_property
     def scored(self) -> NDArray[np.bool_]:
         """Mask (N, n) of the samples to score: recorded (not interpolated), valid torque, after the warm-up."""
-        found = self.valid.copy()
-        found[: self.warm] = False
-        own = np.zeros(len(self), bool)
-        own[:: self.stride] = True
-        return np.asarray(found & own[:, None])
+        mask = self.valid.copy()
+        mask[: self.warm] = False
+        samples = np.zeros(len(self), bool)
+        samples[:: self.stride] = True
+        return np.asarray(mask & samples[:, None])
 
-    def held(self, values: Array) -> Array:
+    def apply_delay(self, values: Array) -> Array:
         """Controller outputs ``values`` (N, n) shifted by the delay: those that act at the start of each sample."""
         late = int(np.ceil(self.delay - 1e-9))
         return values if late == 0 else np.concatenate([np.repeat(values[:1], late, axis=0), values[:-late]])
@@ -82,7 +82,7 @@ class LoopRecording:
         """Convert commanded torques (N, n) to the torques that the recording would store for them."""
         if self.records == "command":
             return command
-        applied = self.held(command)
+        applied = self.apply_delay(command)
         if self.records == "applied":
             return applied
         return np.asarray(0.5 * (applied + np.concatenate([applied[:1], applied[:-1]])))
@@ -97,19 +97,19 @@ def loop_recordings(
     without reference or torque, for joints other than those of the controller, and if neither sampling period is a
     whole multiple of the other.
     """
-    found = []
+    long_stretches = []
     for recording in recordings:
         require_joints(controller, recording.joints)
         stretches: dict[int, list[Part]] = {}
         for part in recording.parts():
             stretches.setdefault(part.segment, []).append(part)
         for parts in stretches.values():
-            own = _stretch(joined(parts), recording, controller, processing)
-            if own is not None:
-                found.append(own)
-    if not found:
+            stretch = _stretch(join_parts(parts), recording, controller, processing)
+            if stretch is not None:
+                long_stretches.append(stretch)
+    if not long_stretches:
         raise InputError("no uninterrupted stretch of the recording is long enough to simulate the loop")
-    return tuple(found)
+    return tuple(long_stretches)
 
 
 def _stretch(
@@ -199,8 +199,8 @@ class _Grid:
     def linear(self, values: Array) -> Array:
         if self.stride == 1:
             return np.ascontiguousarray(values, float)
-        own: Any = np.arange(self.count)
-        return np.column_stack([np.interp(self.at, own, column) for column in values.T])
+        numbers: Any = np.arange(self.count)
+        return np.column_stack([np.interp(self.at, numbers, column) for column in values.T])
 
     def nearest(self, values: NDArray[np.bool_]) -> NDArray[np.bool_]:
         return np.asarray(values[np.floor(self.at).astype(int)])

@@ -79,9 +79,9 @@ class Parameters:
     def steps(self, z: Array) -> Array:
         """Step sizes (k,) of the finite differences at ``z``."""
         x = z[: self.count]
-        own = np.maximum(RELATIVE_STEP * np.abs(x), np.minimum(STD_STEP * self.spread, np.maximum(np.abs(x), 1.0)))
-        own = np.where(own > 0.0, own, RELATIVE_STEP)
-        return np.concatenate([own, np.full(len(z) - self.count, SHAPE_STEP)])
+        steps = np.maximum(RELATIVE_STEP * np.abs(x), np.minimum(STD_STEP * self.spread, np.maximum(np.abs(x), 1.0)))
+        steps = np.where(steps > 0.0, steps, RELATIVE_STEP)
+        return np.concatenate([steps, np.full(len(z) - self.count, SHAPE_STEP)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,13 +124,13 @@ class OutputErrorProblem:
     def runs(self, z: Array) -> tuple[SimulatedLoop, ...] | None:
         """Simulate all recordings with the unknowns ``z`` (k,); None if any simulation diverges."""
         theta = self.parameters.theta(z)
-        found = []
+        runs = []
         for recording in self.recordings:
             run = self.loop.run(theta, recording)
             if run.diverged is not None:
                 return None
-            found.append(run)
-        return tuple(found)
+            runs.append(run)
+        return tuple(runs)
 
     def residual(self, runs: Sequence[SimulatedLoop]) -> Array:
         """Weighted torque residuals ``w_j (tau_j - tau_j(z))`` of all samples to fit, as one vector."""
@@ -165,9 +165,9 @@ class OutputErrorProblem:
 
         with ThreadPoolExecutor(max(1, self.jobs)) as pool:
             columns = list(pool.map(column, range(len(z))))
-        return tuple(np.stack([each[k] for each in columns], axis=-1) for k in range(len(runs)))
+        return tuple(np.stack([derivatives[k] for derivatives in columns], axis=-1) for k in range(len(runs)))
 
-    def stacked(self, sensitivities: Sequence[Array]) -> Array:
+    def stack_sensitivities(self, sensitivities: Sequence[Array]) -> Array:
         """Weighted sensitivities of all samples to fit, stacked as one Jacobian with k columns."""
         parts = [(J * self.weights[:, None])[use] for J, use in zip(sensitivities, self.use, strict=True)]
         return np.concatenate(parts)
@@ -179,13 +179,13 @@ class OutputErrorProblem:
         """
         runs = self.runs(z)
         if runs is None:
-            raise DerivationError(self._diverged(z))
+            raise DerivationError(self._describe_divergence(z))
         self.renew(runs)
         damping, done, logs = 1e-3, 0, self.parameters.logarithms(z)
         for iteration in range(ITERATIONS):
             done = iteration + 1
             tell(iteration, ITERATIONS, "closed-loop output error")
-            J = self.stacked(self.sensitivities(z, runs))
+            J = self.stack_sensitivities(self.sensitivities(z, runs))
             e = self.residual(runs)
             cost = float(e @ e)
             size = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
@@ -237,16 +237,16 @@ class OutputErrorProblem:
         length = min(BLOCK, sum(len(r) * r.period for r in self.recordings) / FEWEST_BLOCKS)
         for recording, run, J, use in zip(self.recordings, fit.runs, fit.sensitivities, self.use, strict=True):
             weighted = np.where(use, self.weights, 0.0)
-            own = J * weighted[..., None]
+            sensitivities = J * weighted[..., None]
             e = (recording.tau - run.tau) * weighted
-            H += np.einsum("ija,ijb->ab", own, own)
-            scores = np.einsum("ija,ij->ia", own, e)
+            H += np.einsum("ija,ijb->ab", sensitivities, sensitivities)
+            scores = np.einsum("ija,ij->ia", sensitivities, e)
             edges = np.arange(0, len(recording), max(1, round(length / recording.period)))
             for block in np.add.reduceat(scores, edges):
                 G += np.outer(block, block)
         return H, G
 
-    def _diverged(self, z: Array) -> str:
+    def _describe_divergence(self, z: Array) -> str:
         theta = self.parameters.theta(z)
         for recording in self.recordings:
             run = self.loop.run(theta, recording)

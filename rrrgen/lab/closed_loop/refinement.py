@@ -22,7 +22,7 @@ from rrrgen.lab.closed_loop.validation import (
     as_json,
     loop_remainders,
     loop_score,
-    replayed,
+    replay_controller,
 )
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.estimate.regression import least_squares
@@ -31,7 +31,7 @@ from rrrgen.lab.estimate.tsqr import Rows, factor_blocks
 from rrrgen.lab.identify.bias import LIKE, BiasCheck, Paired, compare, position_difference
 from rrrgen.lab.identify.figures import MOST_POINTS, TorqueCurves, plot_torque_curves
 from rrrgen.lab.identify.friction_choice import FrictionFit
-from rrrgen.lab.identify.identification import Identification, Options, refitted
+from rrrgen.lab.identify.identification import Identification, Options, refit
 from rrrgen.lab.identify.observations import Observations, Recording, RowMaker
 
 if TYPE_CHECKING:
@@ -47,45 +47,48 @@ if TYPE_CHECKING:
 
 
 def simulated_bias_check(
-    found: Identification,
+    identification: Identification,
     recordings: Sequence[LoopRecording],
     runs: Sequence[SimulatedLoop],
     joints: Sequence[str],
     options: Options,
 ) -> BiasCheck | None:
-    """Compare the least-squares estimate ``found`` with the instrumental-variable estimate from simulated ``runs``.
+    """Compare the estimate of ``identification`` with the instrumental-variable estimate from simulated ``runs``.
 
     ``runs`` holds one simulated loop for each of ``recordings``. Returns None if the simulated motion is too far from
     the measured one to serve as an instrument.
     """
-    assert found.regressor is not None
-    assert found.parametrisation is not None
+    assert identification.regressor is not None
+    assert identification.parametrisation is not None
     far = max(
-        position_difference(own.q[own.warm :], run.q[own.warm :]) for own, run in zip(recordings, runs, strict=True)
+        position_difference(recording.q[recording.warm :], run.q[recording.warm :])
+        for recording, run in zip(recordings, runs, strict=True)
     )
     if far > LIKE:
         return None
-    regressor, chosen = found.regressor, found.parametrisation
-    maker = RowMaker(regressor, found.processing, len(regressor.columns), options.known, regressor.sliding)
+    regressor, chosen = identification.regressor, identification.parametrisation
+    maker = RowMaker(regressor, identification.processing, len(regressor.columns), options.known, regressor.sliding)
     pairs: list[Paired] = []
     measured: list[Rows] = []
     for recording, run in zip(recordings, runs, strict=True):
-        own = slice(recording.warm, None, recording.stride)
-        logs = [_log(recording, q, own, joints) for q in (recording.q, run.q)]
+        samples = slice(recording.warm, None, recording.stride)
+        logs = [_log(recording, q, samples, joints) for q in (recording.q, run.q)]
         for a, b in zip(*(Observations((log,), maker) for log in logs), strict=True):
-            fitted = found.split.fitted(a.t, *recording.span)
+            fitted = identification.split.is_fitted(a.t, *recording.span)
             use = a.use & b.use & fitted[:, None]
             pairs.append(Paired(a.W, b.W, a.tau, use))
             measured.append(Rows(a.t, a.W, a.tau, use, a.segment))
     factors = chosen.transform(factor_blocks(measured))
-    x = least_squares(factors, chosen.structure.names, found.estimate.weights).x
-    return compare(found, x, pairs)
+    x = least_squares(factors, chosen.structure.names, identification.estimate.weights).x
+    return compare(identification, x, pairs)
 
 
-def _log(recording: LoopRecording, q: Array, own: slice, joints: Sequence[str]) -> Log:
+def _log(recording: LoopRecording, q: Array, samples: slice, joints: Sequence[str]) -> Log:
     period = recording.period * recording.stride
-    t = recording.t[own]
-    return Log(tuple(joints), t, q[own], recording.tau[own], period=period, valid=np.asarray(recording.valid[own]))
+    t = recording.t[samples]
+    return Log(
+        tuple(joints), t, q[samples], recording.tau[samples], period=period, valid=np.asarray(recording.valid[samples])
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -139,10 +142,10 @@ class ClosedLoopEstimate:
 
     def lines(self, joints: Sequence[str]) -> list[str]:
         """Lines of text for the report: the check of the controller and the scores of the model."""
-        found = [self.replay.line(joints), *self.notes]
-        found += [] if self.bias is None else self.bias.lines()
-        found += [score.line(joints) for score in (self.start, self.fit, self.held_out, self.test) if score is not None]
-        return [*found, *(f"note: {note}" for note in self.held_out_notes)]
+        lines = [self.replay.line(joints), *self.notes]
+        lines += [] if self.bias is None else self.bias.lines()
+        lines += [score.line(joints) for score in (self.start, self.fit, self.held_out, self.test) if score is not None]
+        return [*lines, *(f"note: {note}" for note in self.held_out_notes)]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for ``closed_loop.json``: the check of the controller and the scores of the model."""
@@ -164,14 +167,14 @@ class ClosedLoopEstimate:
 
 
 def closed_loop_estimate(
-    found: Identification,
+    identification: Identification,
     recordings: Sequence[Recording],
     controller: LoopController,
     options: Options,
     progress: Tell | None = None,
     tests: Sequence[Recording] = (),
 ) -> ClosedLoopEstimate:
-    """Refine ``found``, an identification from ``recordings``, by the output error of the loop with ``controller``.
+    """Refine the ``identification`` from ``recordings`` by the output error of the loop with ``controller``.
 
     ``tests`` are recordings used for scoring only, not for the fit.
 
@@ -179,54 +182,58 @@ def closed_loop_estimate(
     and recordings do not fit together, DerivationError if the simulated loop diverges at the initial parameters.
     """
     tell: Tell = progress or (lambda done, total, message: None)
-    assert found.regressor is not None
-    assert found.parametrisation is not None
-    equations = LoopEquations(found.regressor)
+    assert identification.regressor is not None
+    assert identification.parametrisation is not None
+    equations = LoopEquations(identification.regressor)
     loop = CompiledLoop(equations, controller)
-    own = loop_recordings(recordings, controller, found.processing)
-    unseen = loop_recordings(tests, controller, found.processing) if tests else ()
-    chosen = found.parametrisation
-    parameters = Parameters(chosen.T, chosen.known, np.minimum(found.estimate.std, np.abs(found.estimate.x) + 1.0))
-    started = found.theta if found.consistent is None else found.consistent.theta
+    stretches = loop_recordings(recordings, controller, identification.processing)
+    unseen = loop_recordings(tests, controller, identification.processing) if tests else ()
+    chosen = identification.parametrisation
+    parameters = Parameters(
+        chosen.T, chosen.known, np.minimum(identification.estimate.std, np.abs(identification.estimate.x) + 1.0)
+    )
+    started = identification.theta if identification.consistent is None else identification.consistent.theta
     z = np.concatenate([chosen.contract(started), np.log(equations.shapes)])
-    check = replayed(loop, own)
-    use = [r.scored & found.split.fitted(r.t, *r.span)[:, None] for r in own]
-    work = OutputErrorProblem(loop, parameters, own, use, options.jobs)
+    check = replay_controller(loop, stretches)
+    use = [r.scored & identification.split.is_fitted(r.t, *r.span)[:, None] for r in stretches]
+    work = OutputErrorProblem(loop, parameters, stretches, use, options.jobs)
     try:
         fit = work.fit(z, tell)
     except DerivationError as error:
         raise DerivationError(f"{error}; {check.line(controller.names)}") from None
     friction = (
-        None if found.friction is None else _shaped(found.friction, fit.z, work.covariance(fit), parameters.count)
+        None
+        if identification.friction is None
+        else _with_shapes(identification.friction, fit.z, work.covariance(fit), parameters.count)
     )
-    if found.regressor.load:
+    if identification.regressor.load:
         theta = np.where([c.kind in CARRIED for c in equations.columns], parameters.theta(fit.z)[: len(chosen.T)], 0.0)
-        own_load = tuple(theta[: len(found.regressor.load)].tolist())
-        found = replace(found, regressor=replace(found.regressor, load=own_load))
-    blocks, held = _rows(found, own, fit, parameters.count)
-    again = refitted(found, recordings, options, blocks, held, friction, progress)
+        fitted_load = tuple(theta[: len(identification.regressor.load)].tolist())
+        identification = replace(identification, regressor=replace(identification.regressor, load=fitted_load))
+    blocks, held = _rows(identification, stretches, fit, parameters.count)
+    again = refit(identification, recordings, options, blocks, held, friction, progress)
     if len(fit.z) > parameters.count:
-        again = _widened(again, work.spread_by_shapes(fit, parameters.count))
+        again = _widen_covariances(again, work.spread_by_shapes(fit, parameters.count))
     delivered = again.theta if again.consistent is None else again.consistent.theta
     theta = np.concatenate([delivered, np.exp(fit.z[parameters.count :])])
     first = np.concatenate([started, equations.shapes])
-    split, names = found.split, controller.names
+    split, names = identification.split, controller.names
 
-    def fitted(r: LoopRecording) -> NDArray[np.bool_]:
-        return split.fitted(r.t, *r.span)
+    def is_fitted(r: LoopRecording) -> NDArray[np.bool_]:
+        return split.is_fitted(r.t, *r.span)
 
-    def scored(r: LoopRecording) -> NDArray[np.bool_]:
-        return split.scored(r.t, *r.span)
+    def is_scored(r: LoopRecording) -> NDArray[np.bool_]:
+        return split.is_scored(r.t, *r.span)
 
     def whole(r: LoopRecording) -> NDArray[np.bool_]:
         return np.ones(len(r), bool)
 
-    start = loop_score("in sample, before the fit", loop, first, own, fitted)[0]
-    ended, runs = loop_score("in sample", loop, theta, own, fitted)
-    out = loop_score("held out", loop, theta, own, scored)[0]
+    start = loop_score("in sample, before the fit", loop, first, stretches, is_fitted)[0]
+    ended, runs = loop_score("in sample", loop, theta, stretches, is_fitted)
+    out = loop_score("held out", loop, theta, stretches, is_scored)[0]
     assert ended is not None
     test, unseen_runs = loop_score("recordings not fitted", loop, theta, unseen, whole) if tests else (None, [])
-    known = (runs, own, fitted)
+    known = (runs, stretches, is_fitted)
     return ClosedLoopEstimate(
         identification=again,
         names=equations.names,
@@ -236,17 +243,17 @@ def closed_loop_estimate(
         fit=ended,
         held_out=out,
         test=test,
-        recordings=own,
+        recordings=stretches,
         runs=tuple(runs),
         iterations=fit.iterations,
-        bias=simulated_bias_check(found, own, runs, names, options),
-        left=loop_remainders(runs, own, scored, names, known),
+        bias=simulated_bias_check(identification, stretches, runs, names, options),
+        left=loop_remainders(runs, stretches, is_scored, names, known),
         left_in_test=loop_remainders(unseen_runs, unseen, whole, names, known),
-        notes=(*assumptions(own, "the recordings that are fitted"), *assumptions(unseen, "the test recordings")),
+        notes=(*assumptions(stretches, "the recordings that are fitted"), *assumptions(unseen, "the test recordings")),
     )
 
 
-def _shaped(friction: FrictionFit, z: Array, covariance: Array, count: int) -> FrictionFit:
+def _with_shapes(friction: FrictionFit, z: Array, covariance: Array, count: int) -> FrictionFit:
     """Copy of ``friction`` with the fitted shape parameters of its laws and their standard deviations.
 
     ``z`` (k,) are the fitted unknowns, ``covariance`` (k, k) is their covariance. The first ``count`` are the
@@ -263,25 +270,25 @@ def _shaped(friction: FrictionFit, z: Array, covariance: Array, count: int) -> F
     return replace(friction, surfaces=tuple(surfaces), std=tuple(std))
 
 
-def _widened(found: Identification, factors: Array) -> Identification:
-    """``found`` with standard deviations multiplied by ``factors`` (r,), at unchanged correlations."""
+def _widen_covariances(identification: Identification, factors: Array) -> Identification:
+    """``identification`` with standard deviations multiplied by ``factors`` (r,), at unchanged correlations."""
     grown = np.outer(factors, factors)
     return replace(
-        found,
-        estimate=replace(found.estimate, covariance=found.estimate.covariance * grown),
-        delivered=replace(found.delivered, covariance=found.delivered.covariance * grown),
+        identification,
+        estimate=replace(identification.estimate, covariance=identification.estimate.covariance * grown),
+        delivered=replace(identification.delivered, covariance=identification.delivered.covariance * grown),
     )
 
 
 def _rows(
-    found: Identification, recordings: Sequence[LoopRecording], fit: LoopFit, count: int
+    identification: Identification, recordings: Sequence[LoopRecording], fit: LoopFit, count: int
 ) -> tuple[list[Rows], list[Rows]]:
     """Linearise the simulated loop about the fit: regression rows ``tau = W theta``, for fitting and for scoring.
 
     The friction shape parameters are fixed at their fitted values. ``tau`` is the recorded torque, corrected by the
     difference between the simulated torque and its linearisation.
     """
-    chosen = found.parametrisation
+    chosen = identification.parametrisation
     assert chosen is not None
     size = sum(len(r) for r in recordings) * recordings[0].q.shape[1] * len(chosen.T)
     every = max(1, int(np.ceil(size / MOST_NUMBERS)))
@@ -289,14 +296,14 @@ def _rows(
     blocks, held = [], []
     for number, (recording, run, J) in enumerate(zip(recordings, fit.runs, fit.sensitivities, strict=True)):
         at = slice(recording.warm, None, every * recording.stride)
-        own = J[at, :, :count]
-        W = np.zeros((*own.shape[:2], len(chosen.T)))
-        W[..., list(chosen.free)] = own @ chosen.structure.G
+        derivatives = J[at, :, :count]
+        W = np.zeros((*derivatives.shape[:2], len(chosen.T)))
+        W[..., list(chosen.free)] = derivatives @ chosen.structure.G
         t, use = recording.t[at], recording.valid[at]
-        tau = recording.tau[at] - run.tau[at] + own @ x + W @ chosen.known
+        tau = recording.tau[at] - run.tau[at] + derivatives @ x + W @ chosen.known
         rows = Rows(t, W, tau, use, np.full(len(t), number, np.int64))
-        blocks.append(rows.chosen(found.split.fitted(t, *recording.span)))
-        held.append(rows.chosen(found.split.scored(t, *recording.span)))
+        blocks.append(rows.use_only(identification.split.is_fitted(t, *recording.span)))
+        held.append(rows.use_only(identification.split.is_scored(t, *recording.span)))
     return blocks, held
 
 
@@ -305,13 +312,13 @@ def _rows(
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def plot_loop(found: ClosedLoopEstimate, joints: Sequence[str], units: Sequence[str]) -> Figure:
+def plot_loop(estimate: ClosedLoopEstimate, joints: Sequence[str], units: Sequence[str]) -> Figure:
     """Plot recorded and simulated torques of all joints over time (s), with their difference.
 
     ``joints`` are the joint names, ``units`` the units of their torques.
     """
-    pairs = list(zip(found.recordings, found.runs, strict=True))
-    every = max(1, sum(map(len, found.recordings)) // MOST_POINTS)
+    pairs = list(zip(estimate.recordings, estimate.runs, strict=True))
+    every = max(1, sum(map(len, estimate.recordings)) // MOST_POINTS)
     curves = TorqueCurves(
         np.concatenate([r.t[::every] for r, _ in pairs]),
         np.concatenate([r.tau[::every] for r, _ in pairs]),

@@ -59,9 +59,11 @@ class LoopScore:
 
     def line(self, joints: Sequence[str]) -> str:
         """The score as a line of text for the report; ``joints`` are the joint names."""
-        own = ", ".join(f"{name} {100 * value:.3g} %" for name, value in zip(joints, self.joint_relative, strict=True))
+        percentages = ", ".join(
+            f"{name} {100 * value:.3g} %" for name, value in zip(joints, self.joint_relative, strict=True)
+        )
         apart = ", ".join(f"{value:.3g}" for value in self.position)
-        joint = f" ({own})" if len(joints) > 1 else ""
+        joint = f" ({percentages})" if len(joints) > 1 else ""
         return (
             f"closed loop, simulated along the reference, {self.data}: relative torque error "
             f"{100 * self.relative_error:.3g} %{joint}; RMS position error {apart}"
@@ -91,8 +93,8 @@ class Replay:
 
     def line(self, joints: Sequence[str]) -> str:
         """The result of the check as a line of text for the report; ``joints`` are the joint names."""
-        own = ", ".join(f"{name} {100 * error:.3g} %" for name, error in zip(joints, self.errors, strict=True))
-        text = f"controller computed from the measured motion: relative torque error {own}"
+        percentages = ", ".join(f"{name} {100 * error:.3g} %" for name, error in zip(joints, self.errors, strict=True))
+        text = f"controller computed from the measured motion: relative torque error {percentages}"
         if max(self.smooth) <= GOOD_REPLAY and not self.doubtful:
             return text
         text = f"warning: {text}; it is not quite the one that was recorded"
@@ -107,7 +109,7 @@ class Replay:
         )
 
 
-def replayed(loop: CompiledLoop, recordings: Sequence[LoopRecording]) -> Replay:
+def replay_controller(loop: CompiledLoop, recordings: Sequence[LoopRecording]) -> Replay:
     """Run the controller of ``loop`` on the measured motion and compare its torques with the recorded ones."""
     controller = loop.controller
     squares: dict[int, Array] = {}
@@ -116,24 +118,24 @@ def replayed(loop: CompiledLoop, recordings: Sequence[LoopRecording]) -> Replay:
     for recording in recordings:
         tau, use = loop.replay(recording).tau, recording.scored
         size += np.sum(np.where(use, recording.tau, 0.0) ** 2, axis=0)
-        slow += SMOOTH * np.sum(_averaged(np.where(use, recording.tau - tau, 0.0)) ** 2, axis=0)
-        unexplained, squared = _unexplained(recording, recording.tau - tau)
+        slow += SMOOTH * np.sum(_block_means(np.where(use, recording.tau - tau, 0.0)) ** 2, axis=0)
+        unexplained, squared = _unexplained_squares(recording, recording.tau - tau)
         left, whole = left + unexplained, whole + squared
         for shift in range(-SHIFTS, SHIFTS + 1):
             moved = np.roll(tau, shift * recording.every, axis=0)
             moved = np.where(use, recording.tau - moved, 0.0)[SHIFTS * recording.every : -SHIFTS * recording.every]
             squares[shift] = squares.get(shift, 0.0) + np.sum(moved**2, axis=0)
-    errors = {shift: np.sqrt(each / np.maximum(size, 1e-300)) for shift, each in squares.items()}
+    errors = {shift: np.sqrt(total / np.maximum(size, 1e-300)) for shift, total in squares.items()}
     best = min(errors, key=lambda shift: float(np.sum(errors[shift] ** 2)))
-    own = tuple(float(value) for value in errors[0])
-    better = best and float(np.max(errors[best])) < CLEARLY * max(own)
+    stated_errors = tuple(float(value) for value in errors[0])
+    better = best and float(np.max(errors[best])) < CLEARLY * max(stated_errors)
     smooth = tuple(float(value) for value in np.sqrt(slow / np.maximum(size, 1e-300)))
     follows = tuple(float(value) for value in 1.0 - left / np.maximum(whole, 1e-300))
     delay = controller.delay + best if better and controller.delay + best >= 0.0 else None
-    return Replay(own, smooth, follows if np.any(whole) else (0.0,) * n, delay)
+    return Replay(stated_errors, smooth, follows if np.any(whole) else (0.0,) * n, delay)
 
 
-def _unexplained(recording: LoopRecording, error: Array) -> tuple[Array, Array]:
+def _unexplained_squares(recording: LoopRecording, error: Array) -> tuple[Array, Array]:
     """Squared ``error`` (N, n) of each joint that is not linear in its last samples, and the whole, (n,) each.
 
     Both are zero for a recording with a lower rate than its controller, whose positions are interpolated.
@@ -159,7 +161,7 @@ def _unexplained(recording: LoopRecording, error: Array) -> tuple[Array, Array]:
     return left, whole
 
 
-def _averaged(values: Array) -> Array:
+def _block_means(values: Array) -> Array:
     """Means (N // SMOOTH, n) of ``values`` (N, n) over consecutive blocks of SMOOTH samples."""
     count = len(values) // SMOOTH
     return np.asarray(values[: count * SMOOTH].reshape(count, SMOOTH, -1).mean(axis=1))
@@ -263,10 +265,10 @@ class ClosedLoopValidation:
 
     def failures(self, relative_error: float) -> tuple[str, ...]:
         """Sentence that the relative torque error exceeds the limit ``relative_error``; empty if it does not."""
-        found = self.score.relative_error
-        if found <= relative_error:
+        error = self.score.relative_error
+        if error <= relative_error:
             return ()
-        return (f"relative error of the simulated loop {100 * found:.3g} % exceeds {100 * relative_error:.3g} %",)
+        return (f"relative error of the simulated loop {100 * error:.3g} % exceeds {100 * relative_error:.3g} %",)
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON: the check of the controller and the score of the loop."""
@@ -311,17 +313,19 @@ def validate_loop(
     """
     equations, theta = stated_equations(model)
     loop = CompiledLoop(equations, controller)
-    own = loop_recordings(recordings, controller, processing)
+    stretches = loop_recordings(recordings, controller, processing)
 
-    def chosen(recording: LoopRecording) -> NDArray[np.bool_]:
+    def is_chosen(recording: LoopRecording) -> NDArray[np.bool_]:
         if split is None or split.kind == "none":
             return np.ones(len(recording), bool)
-        return split.scored(recording.t, *recording.span)
+        return split.is_scored(recording.t, *recording.span)
 
     score, runs = loop_score(
-        "all samples" if split is None or split.kind == "none" else "held out", loop, theta, own, chosen
+        "all samples" if split is None or split.kind == "none" else "held out", loop, theta, stretches, is_chosen
     )
     if score is None:
         raise InputError("no sample is left to score the simulated loop")
-    left = loop_remainders(runs, own, chosen, controller.names)
-    return ClosedLoopValidation(replayed(loop, own), score, tuple(assumptions(own, "the recordings")), left)
+    left = loop_remainders(runs, stretches, is_chosen, controller.names)
+    return ClosedLoopValidation(
+        replay_controller(loop, stretches), score, tuple(assumptions(stretches, "the recordings")), left
+    )

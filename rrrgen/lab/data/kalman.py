@@ -178,8 +178,8 @@ def smoothed_covariance(matrices: KalmanMatrices) -> Array:
     _, C = smoother_recursions(matrices)
     scale = np.sqrt(np.diag(matrices.predicted))
     C, S = C * scale / scale[:, None], np.outer(scale, scale)
-    own = matrices.updated / S - C @ (matrices.predicted / S) @ C.T
-    return np.asarray(solve_discrete_lyapunov(C, own) * S)
+    constant_term = matrices.updated / S - C @ (matrices.predicted / S) @ C.T
+    return np.asarray(solve_discrete_lyapunov(C, constant_term) * S)
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -237,8 +237,8 @@ class KalmanSmoother:
         They are those of the model: what the noise of the positions leaves open, and what is smoothed away.
         """
         joints = int(max(np.size(self.var_eta), np.size(self.var_xi)))
-        each = self.matrices(period, joints)
-        covariances = [smoothed_covariance(m) if self.smooth else m.updated for m in each]
+        matrices = self.matrices(period, joints)
+        covariances = [smoothed_covariance(m) if self.smooth else m.updated for m in matrices]
         return np.sqrt([P[1, 1] * eta for P, eta in zip(covariances, _per_joint(self.var_eta, joints), strict=True)])
 
     def memory(self, period: float) -> int:
@@ -263,8 +263,8 @@ def innovations(matrices: KalmanMatrices, e: Array) -> Array:
     with variance ``matrices.innovation * var eta``.
     """
     pad = _padding(matrices, len(e))
-    _, found = _forward(matrices, _extended(e, pad))
-    return found[pad + 1 : pad + len(e)]
+    _, innovation = _forward(matrices, _extend_ends(e, pad))
+    return innovation[pad + 1 : pad + len(e)]
 
 
 def tune_by_innovations(t: Array, q: Array, reference: Reconstruction | None = None) -> KalmanSmoother:
@@ -302,11 +302,11 @@ def tune_stretches(stretches: Sequence[Array], period: float) -> KalmanSmoother:
         grid = np.linspace(LOWEST_RATIO, HIGHEST_RATIO, 23)
         best = int(np.argmin([cost(value) for value in grid]))
         bracket = (grid[max(0, best - 1)], grid[min(len(grid) - 1, best + 1)])
-        found = minimize_scalar(cost, bounds=bracket, method="bounded", options={"xatol": 1e-3})
-        matrices = _unit_noise(period, float(found.x))
+        minimum = minimize_scalar(cost, bounds=bracket, method="bounded", options={"xatol": 1e-3})
+        matrices = _unit_noise(period, float(minimum.x))
         eta = square(matrices) / matrices.innovation
         etas.append(eta)
-        xis.append(eta * 10.0 ** (2.0 * float(found.x)) / period**6)
+        xis.append(eta * 10.0 ** (2.0 * float(minimum.x)) / period**6)
     return KalmanSmoother(tuple(etas), tuple(xis))
 
 
@@ -327,7 +327,7 @@ def _padding(matrices: KalmanMatrices, samples: int) -> int:
     return min(samples - 1, 2 + math.ceil(math.log(DECAY_TOLERANCE) / math.log(slowest)))
 
 
-def _extended(e: Array, pad: int) -> Array:
+def _extend_ends(e: Array, pad: int) -> Array:
     """``e`` extended at both ends by ``pad`` samples, by point reflection at its end samples."""
     if pad == 0:
         return e
@@ -337,7 +337,7 @@ def _extended(e: Array, pad: int) -> Array:
 def _states(matrices: KalmanMatrices, e: Array, smooth: bool) -> Array:
     """Filtered, or with ``smooth`` smoothed, states (N, 3) of one joint."""
     pad = _padding(matrices, len(e))
-    extended = _extended(e, pad)
+    extended = _extend_ends(e, pad)
     states, innovation = _forward(matrices, extended)
     if smooth:
         # x_s(k) - x_bar(k) = C (x_s(k+1) - E x_bar(k)) = C (x_s(k+1) - x_bar(k+1)) + C k innovation(k+1)

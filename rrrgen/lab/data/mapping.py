@@ -109,8 +109,8 @@ class JointChannels:
 
     def channel(self, signal: Signal) -> Channel | None:
         """The channel of one signal, None if it is not recorded."""
-        found: Channel | None = getattr(self, signal)
-        return found
+        channel: Channel | None = getattr(self, signal)
+        return channel
 
 
 ABSENT = Channel("", "", value=math.nan)
@@ -169,8 +169,8 @@ class LogMapping:
 
     def channels(self, signal: Signal) -> list[Channel]:
         """The channels of one signal, joint by joint; empty unless every joint has one."""
-        found = [joint.channel(signal) for joint in self.joints]
-        return [channel for channel in found if channel is not None] if self.has(signal) else []
+        channels = [joint.channel(signal) for joint in self.joints]
+        return [channel for channel in channels if channel is not None] if self.has(signal) else []
 
     def _fault(self, message: str) -> InputError:
         return InputError([Fault(self.source or "mapping", 0, 0, message)])
@@ -256,7 +256,7 @@ def on_floating_base(mapping: LogMapping, base: Mapping[str, Sequence[Channel]])
     still = Channel("", "", value=0.0)
     place = [still, still, *base["orientation"]]
     rates, wrench = base.get("twist_rate", [ABSENT] * 6), base.get("wrench", [ABSENT] * 6)
-    own = [
+    base_joints = [
         JointChannels(name, position=place[k], velocity=base["twist"][k], acceleration=rates[k], torque=wrench[k])
         for k, name in enumerate(ON_BASE)
     ]
@@ -271,13 +271,13 @@ def on_floating_base(mapping: LogMapping, base: Mapping[str, Sequence[Channel]])
     ]
     N = mapping.transmission
     if N is not None:
-        padded = np.eye(len(own) + len(N))
-        padded[len(own) :, len(own) :] = N
+        padded = np.eye(len(base_joints) + len(N))
+        padded[len(base_joints) :, len(base_joints) :] = N
         N = padded
     processing = dict(mapping.processing)
     if "low_speed" in processing:
-        processing["low_speed"] = (0.0,) * len(own) + tuple(processing["low_speed"])
-    return replace(mapping, joints=(*own, *joints), transmission=N, processing=processing, floating=True)
+        processing["low_speed"] = (0.0,) * len(base_joints) + tuple(processing["low_speed"])
+    return replace(mapping, joints=(*base_joints, *joints), transmission=N, processing=processing, floating=True)
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -620,19 +620,19 @@ class _MappingReader(SourceReader):
         if node is None:
             return {}
         part = self.section(node, "base", "base") or {}
-        found: dict[str, list[Channel]] = {}
+        channels: dict[str, list[Channel]] = {}
         for key, parts in BASE_COLUMNS.items():
             if key not in part:
                 continue
             value, what = part[key], f"base.{key}"
             if key == "wrench" and isinstance(value, ScalarNode) and value.text == "none":
-                found[key] = [Channel("", "", value=0.0)] * len(parts)
+                channels[key] = [Channel("", "", value=0.0)] * len(parts)
             elif not isinstance(value, SequenceNode) or len(value.items) != len(parts):
                 self.faults.error(value, f"{what} is no list of {len(parts)} columns", f"those of {', '.join(parts)}")
             else:
                 file = self.file_of(part.get("file"), "base", node)
-                found[key] = [Channel(file, self.column(item, f"{what}[{k}]")) for k, item in enumerate(value.items)]
-        return found if {"orientation", "twist"} <= found.keys() else {}
+                channels[key] = [Channel(file, self.column(item, f"{what}[{k}]")) for k, item in enumerate(value.items)]
+        return channels if {"orientation", "twist"} <= channels.keys() else {}
 
     def read_channel(self, node: Node, signal: Signal, what: str, side: Side) -> Channel:
         if isinstance(node, ScalarNode):

@@ -247,34 +247,34 @@ def read_processing(node: Node | None, joints: int, faults: FaultList) -> dict[s
             faults.error(value, f"{what} must be {'0 or more' if zero else 'positive'}")
         return numbers
 
-    found: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     values = reader.values(node, "processing", KEYS) or {}
     for name, value in values.items():
         what = f"processing.{name}"
         if name == "method":
             word = reader.choice(value, what, METHODS)
             if word in METHODS:
-                found[name] = word
+                settings[name] = word
         elif name in ("order", "decimate"):
             whole = reader.whole(value, what, None)
             if whole == 0:
                 faults.error(value, f"{what} is 0, not a whole number above 0")
             elif whole:
-                found[name] = whole
+                settings[name] = whole
         elif name == "cutoff":
-            found[name] = reader.quantity(value, what, log_units.RATE, "Hz", positive=True)
+            settings[name] = reader.quantity(value, what, log_units.RATE, "Hz", positive=True)
         elif name == "low_speed":
-            found[name] = per_joint(value, what, log_units.VELOCITY, "rad/s", zero=True)
+            settings[name] = per_joint(value, what, log_units.VELOCITY, "rad/s", zero=True)
         elif name == "position_resolution":
-            found["var_eta"] = tuple(s**2 / 12.0 for s in per_joint(value, what, log_units.POSITION, "rad"))
+            settings["var_eta"] = tuple(s**2 / 12.0 for s in per_joint(value, what, log_units.POSITION, "rad"))
         else:
-            found["var_xi"] = tuple(j**2 for j in per_joint(value, what, {"rad/s^3": 1.0}, "rad/s^3"))
-    _settle_method(values, found, faults)
-    return found
+            settings["var_xi"] = tuple(j**2 for j in per_joint(value, what, {"rad/s^3": 1.0}, "rad/s^3"))
+    _settle_method(values, settings, faults)
+    return settings
 
 
-def _settle_method(entries: dict[str, Node], found: dict[str, Any], faults: FaultList) -> None:
-    """Complete the settings ``found`` by the method of reconstruction, inferred from them if the file does not name it.
+def _settle_method(entries: dict[str, Node], settings: dict[str, Any], faults: FaultList) -> None:
+    """Complete the ``settings`` by the method of reconstruction, inferred from them if the file does not name it.
 
     A setting that belongs to another method is added to ``faults``, located by ``entries``.
     """
@@ -284,8 +284,8 @@ def _settle_method(entries: dict[str, Node], found: dict[str, Any], faults: Faul
         if (field := SETTING_OF_KEY.get(name, name)) in METHODS_OF_SETTING
     }
     if "method" not in entries and methods_of:
-        found["method"] = next(iter(methods_of.values()))[0]
-    method = found.get("method")
+        settings["method"] = next(iter(methods_of.values()))[0]
+    method = settings.get("method")
     for name, methods in methods_of.items():
         if method is not None and method not in methods:
             chosen = f"method {method}" if "method" in entries else next(iter(methods_of))

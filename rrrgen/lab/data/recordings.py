@@ -18,7 +18,7 @@ from rrrgen.base.yamltext.signal_units import ANGLE, FORCE, LENGTH, TORQUE
 from rrrgen.lab.data.mapping import BASE_COLUMNS, ON_BASE, LogMapping, plain_mapping
 from rrrgen.lab.data.reconstruction import sampling_period
 from rrrgen.lab.data.repair import RepairedFault, Repairs
-from rrrgen.lab.data.uniform_stream import CHUNK, LogStream, Part, joined
+from rrrgen.lab.data.uniform_stream import CHUNK, LogStream, Part, join_parts
 
 MAPPING_SUFFIXES = (".yaml", ".yml")
 SAME_DIRECTION = 1e-6  # largest 1 - cosine between the rows of mapping and robot file, which may hold rounded ratios
@@ -90,7 +90,7 @@ class Log:
         whole = Part(self.t, *signals, valid, 0, 0, *given, late=late, floating=self.floating)
         edges = [0, *(np.flatnonzero(np.diff(segment)) + 1), len(self.t)]
         for number, (start, stop) in enumerate(pairwise(edges)):
-            part = whole.sliced(int(start), int(stop))
+            part = whole.slice_samples(int(start), int(stop))
             yield replace(part, segment=number, first=0)
 
     def samples(self) -> Iterator[Part]:
@@ -110,8 +110,8 @@ def open_log(
     own: columns ``t, q_<joint>, [dq_<joint>,] tau_<joint>`` in SI. With ``skip_truncated``, an incomplete last line of
     a text file is left out. Raises :class:`InputError` for a mapping file with faults or a recording without a mapping.
     """
-    found = _mapping_of(path, mapping)
-    return found.without_truncated_lines() if skip_truncated else found
+    log_mapping = _mapping_of(path, mapping)
+    return log_mapping.without_truncated_lines() if skip_truncated else log_mapping
 
 
 def _mapping_of(path: str | os.PathLike[str], mapping: LogMapping | str | os.PathLike[str] | None) -> LogMapping:
@@ -171,7 +171,7 @@ def load_stream(stream: LogStream, joints: Sequence[str] | None = None) -> Log:
     if joints is not None:
         check_joints(stream.joints, joints)
     parts = list(stream.parts())
-    whole = joined(parts)
+    whole = join_parts(parts)
     return Log(
         joints=stream.joints,
         t=whole.t,
@@ -217,12 +217,12 @@ def _coupling_faults(mapping: LogMapping, spec: Any) -> Iterator[tuple[str, str]
         return
     stated = np.array(spec.drives.motor_from_joint, dtype=float)
     names, transmission = mapping.names[-spec.n :], mapping.transmission[-spec.n :, -spec.n :]
-    for motor, own, row in zip(spec.drives.motors, stated, transmission, strict=True):
-        cosine = abs(own @ row) / (np.linalg.norm(own) * np.linalg.norm(row))
+    for motor, stated_row, row in zip(spec.drives.motors, stated, transmission, strict=True):
+        cosine = abs(stated_row @ row) / (np.linalg.norm(stated_row) * np.linalg.norm(row))
         if cosine < 1.0 - SAME_DIRECTION:
-            moved = [" and ".join(names[i] for i in np.flatnonzero(each)) for each in (row, own)]
+            moved = [" and ".join(names[i] for i in np.flatnonzero(weights)) for weights in (row, stated_row)]
             message = f"motor {motor.name} turns with {moved[0]} by the transmission, with {moved[1]} by the robot file"
-            rows = "; ".join(f"[{', '.join(f'{w:g}' for w in each)}]" for each in stated)
+            rows = "; ".join(f"[{', '.join(f'{w:g}' for w in weights)}]" for weights in stated)
             yield message, f"rows of the robot's drives, each up to a factor: {rows}"
 
 

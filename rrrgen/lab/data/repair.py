@@ -98,12 +98,12 @@ class Repairs:
         """The repairs in words, a heading and one line per kind; empty if there are none."""
         if not self.findings:
             return []
-        found = [f"repairs of {self.recording} ({self.rows} rows):"]
+        lines = [f"repairs of {self.recording} ({self.rows} rows):"]
         for finding in self.findings:
             where = ", ".join(f"{name} {count}" for name, count in finding.channels if count)
             where = f"; samples by joint: {where}" if where else ""
-            found.append(f"  {finding.message} ({100 * finding.share:.2g} % of the rows{where})")
-        return found
+            lines.append(f"  {finding.message} ({100 * finding.share:.2g} % of the rows{where})")
+        return lines
 
     def warnings(self) -> list[str]:
         """A sentence for every kind of fault that affects more than :data:`WARN_SHARE` of the rows."""
@@ -158,17 +158,19 @@ class Findings:
         if channels is not None:
             self.channels[kind] = self.channels.get(kind, np.zeros(len(channels), np.int64)) + channels
 
-    def summarised(self, recording: str, joints: Sequence[str], period: float) -> Repairs:
+    def summarise(self, recording: str, joints: Sequence[str], period: float) -> Repairs:
         """Summarise the counts as :class:`Repairs` of a recording with these ``joints``, sampled at ``period`` (s)."""
-        found = []
+        faults = []
         for kind, count in self.counts.items():
-            each = self.channels.get(kind)
-            channels = () if each is None else tuple(zip(joints, (int(c) for c in each), strict=True))
-            rows = self.rows[kind] if each is None else int(np.max(each))
+            channel_counts = self.channels.get(kind)
+            channels = (
+                () if channel_counts is None else tuple(zip(joints, (int(c) for c in channel_counts), strict=True))
+            )
+            rows = self.rows[kind] if channel_counts is None else int(np.max(channel_counts))
             worst = self.worst[kind]
             message = MESSAGES[kind].format(count=count, worst=worst, percent=100 * worst, rows=rows, period=period)
-            found.append(RepairedFault(kind, count, message, rows, min(1.0, rows / max(1, self.read)), channels))
-        return Repairs(recording, self.read, tuple(found))
+            faults.append(RepairedFault(kind, count, message, rows, min(1.0, rows / max(1, self.read)), channels))
+        return Repairs(recording, self.read, tuple(faults))
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -229,11 +231,11 @@ def raw_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator[Raw
             findings.add("truncated last line", cut, rows=1)
             return
         by_file = {source.name: block for source, block in zip(sources, blocks, strict=True)}
-        yield _scaled(mapping, by_file, wanted, signals, first)
+        yield _scale_channels(mapping, by_file, wanted, signals, first)
         first += lengths[0]
 
 
-def _scaled(
+def _scale_channels(
     mapping: LogMapping,
     by_file: dict[str, Array],
     wanted: dict[str, list[str | int]],
@@ -273,9 +275,9 @@ def ordered_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator
     for raw in raw_rows(mapping, size, findings):
         findings.read += len(raw.t)
         rows = _complete(mapping, raw, findings)
-        pending = rows if pending is None else _joined(pending, rows)
+        pending = rows if pending is None else _join_rows(pending, rows)
         _check_clock(mapping, pending)
-        pending = _sorted(pending, findings)
+        pending = _sort_rows(pending, findings)
         ready = max(0, len(pending.t) - REORDER_WINDOW)
         if ready:
             emitted = _after(mapping, pending, emitted)
@@ -302,7 +304,7 @@ def _complete(mapping: LogMapping, raw: RawRows, findings: Findings) -> RawRows:
     return raw if len(keep) == len(raw.t) else raw.part(keep)
 
 
-def _joined(a: RawRows, b: RawRows) -> RawRows:
+def _join_rows(a: RawRows, b: RawRows) -> RawRows:
     signals = {key: np.concatenate([a.signals[key], b.signals[key]]) for key in a.signals}
     return RawRows(np.concatenate([a.t, b.t]), signals, a.first)
 
@@ -324,7 +326,7 @@ def _check_clock(mapping: LogMapping, rows: RawRows) -> None:
         )
 
 
-def _sorted(rows: RawRows, findings: Findings) -> RawRows:
+def _sort_rows(rows: RawRows, findings: Findings) -> RawRows:
     """Sort the rows by time (stably); of several rows at the same time the first is kept."""
     steps = np.diff(rows.t)
     if len(steps) == 0 or np.min(steps) > 0:
@@ -382,9 +384,9 @@ class _Unwrap:
         turns = np.round(steps / period)
         doubtful = np.abs(steps - turns * period) > 0.4 * period
         for kind, steps_of in (("encoder wraps", turns != 0), ("doubtful encoder wraps", doubtful)):
-            each = np.zeros(len(wrapped), np.int64)
-            each[wrapped] = np.sum(steps_of, axis=0)
-            self.findings.add(kind, int(np.sum(each)), channels=each)
+            wraps = np.zeros(len(wrapped), np.int64)
+            wraps[wrapped] = np.sum(steps_of, axis=0)
+            self.findings.add(kind, int(np.sum(wraps)), channels=wraps)
         continuous = before + np.cumsum(steps - turns * period, axis=0)
         self.last = continuous[-1:]
         q[:, wrapped] = continuous

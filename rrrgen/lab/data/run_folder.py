@@ -66,7 +66,7 @@ class RunFolder:
         self.record = {
             "schema": SCHEMA,
             "command": command,
-            "versions": {"rrrgen": VERSION} | {name: found for name in PACKAGES if (found := _version(name))},
+            "versions": {"rrrgen": VERSION} | {name: release for name in PACKAGES if (release := _version(name))},
             "inputs": hashed,
             "settings": plain(settings),
             "seed": seed,
@@ -163,8 +163,8 @@ class RunFolder:
                 raise InputError(f"{self.path} is not empty and holds no run; name another folder")
             return None
         try:
-            found: dict[str, Any] = json.loads(place.read_text(encoding="utf-8"))
-            return found if found.get("schema") == SCHEMA else {}
+            record: dict[str, Any] = json.loads(place.read_text(encoding="utf-8"))
+            return record if record.get("schema") == SCHEMA else {}
         except (OSError, ValueError, AttributeError):
             return {}
 

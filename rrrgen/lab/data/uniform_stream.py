@@ -249,7 +249,7 @@ class Part:
         steps = np.vstack([np.zeros((min(1, len(twist)), six)), 0.5 * period * (twist[1:] + twist[:-1])])
         return np.hstack([np.cumsum(steps, axis=0), self.q[:, six:]])
 
-    def sliced(self, start: int, stop: int) -> Part:
+    def slice_samples(self, start: int, stop: int) -> Part:
         """The part that holds the samples ``start`` to ``stop`` (exclusive) of this one, all columns alike."""
         s = slice(start, stop)
         optional = (self.dq, self.ddq, self.tau, self.reference, self.reference_velocity, self.feedforward)
@@ -258,7 +258,7 @@ class Part:
         signals = self.t[s], self.q[s], dq, ddq, tau, self.valid[s]
         return Part(*signals, *place, reference, speed, fed, self.late, self.floating)
 
-    def aligned(self) -> Part:
+    def align_torques(self) -> Part:
         """The same part with the torques that act at its times, interpolated linearly between the recorded ones.
 
         At an end that this moves away from a recorded torque there is none: the sample is invalid.
@@ -277,7 +277,7 @@ class Part:
         return replace(self, tau=tau, valid=valid, late=0.0)
 
 
-def joined(parts: list[Part]) -> Part:
+def join_parts(parts: list[Part]) -> Part:
     """Concatenate consecutive parts of one stretch."""
     if len(parts) == 1:
         return parts[0]
@@ -407,7 +407,7 @@ class LogStream:
         period = clock.period()
         low, high = clips.levels(findings)
         resample = clock.report(period, self.mapping.max_gap, findings)
-        repairs = findings.summarised(self.mapping.files[0].path.name, self.joints, period)
+        repairs = findings.summarise(self.mapping.files[0].path.name, self.joints, period)
         return LogFacts(clock.rows, clock.first, clock.last - clock.first, period, resample, low, high, repairs)
 
 
@@ -424,13 +424,13 @@ class _Uniform:
         """Add rows; yields the samples that later rows cannot change any more."""
         rows = self._at_joints(raw)
         if self.pending is not None:
-            rows = joined([self.pending, rows])
+            rows = join_parts([self.pending, rows])
         cuts = np.flatnonzero(np.diff(rows.t) > self.bridge) + 1
         begin = 0
         for cut in cuts:
-            yield from self._close(rows.sliced(begin, int(cut)))
+            yield from self._close(rows.slice_samples(begin, int(cut)))
             begin = int(cut)
-        yield from self._advance(rows.sliced(begin, len(rows)), last=False)
+        yield from self._advance(rows.slice_samples(begin, len(rows)), last=False)
 
     def flush(self) -> Iterator[Part]:
         """Yield the remaining samples at the end of the recording."""
@@ -451,14 +451,14 @@ class _Uniform:
         period = self.facts.period
         if not self.facts.resample:
             out = replace(rows, t=self.start + period * (self.next + np.arange(len(rows))))
-            self.next, self.pending = self.next + len(rows), rows.sliced(len(rows), len(rows))
+            self.next, self.pending = self.next + len(rows), rows.slice_samples(len(rows), len(rows))
         else:
             end = float(rows.t[-1] if last else rows.t[-3])
             count = math.floor((end - self.start) / period * (1 + 1e-12) + 1e-9) + 1
-            out = _resampled(rows, self.start + period * np.arange(self.next, count), HOLE * period)
+            out = _resample(rows, self.start + period * np.arange(self.next, count), HOLE * period)
             self.next = max(self.next, count)
             settled = int(np.searchsorted(rows.t, self.start + period * self.next)) - 4
-            self.pending = rows.sliced(max(0, settled), len(rows))
+            self.pending = rows.slice_samples(max(0, settled), len(rows))
         if len(out):
             yield replace(out, segment=self.segment, first=self.next - len(out))
 
@@ -480,7 +480,7 @@ class _Uniform:
         return replace(rows, floating=self.mapping.floating)
 
 
-def _resampled(rows: Part, t: Array, hole: float) -> Part:
+def _resample(rows: Part, t: Array, hole: float) -> Part:
     """Interpolate at ``t``: motion by the cubic through four neighbouring samples, torques linearly.
 
     A torque is invalid next to an invalid one, and across a step longer than ``hole`` (s).

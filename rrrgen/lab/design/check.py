@@ -93,7 +93,7 @@ class ProblemFunctions:
         rows, cols = function.size_out(0)
         return np.ascontiguousarray(values.reshape(rows, m, cols).transpose(1, 0, 2))
 
-    def weighted(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
+    def weighted_regressor(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
         """Weighted regressor (n m, b), stacked over m states; ``q``, ``dq``, ``ddq`` are (m, n).
 
         Rows are multiplied by the weights of the joints, columns by the scales of the parameters.
@@ -116,18 +116,20 @@ class ProblemFunctions:
         q, dq, ddq = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 4, n))
         lower, upper = limits.row("position_lower", n), limits.row("position_upper", n)
         every = (self.regressor, self.torque, self.tip, self.loops)
-        functions = [(each, (q, dq, ddq)[: each.n_in()]) for each in every if each]
+        functions = [(function, (q, dq, ddq)[: function.n_in()]) for function in every if function]
         return [
             not (math.isfinite(lower[k]) or math.isfinite(upper[k]))
-            and not any(each.factors[k] for each in limits.followers)
+            and not any(follower.factors[k] for follower in limits.followers)
             and all(
-                np.allclose(self.over(each, x[0] + 2.0 * np.pi * np.eye(n)[k], *x[1:]), self.over(each, *x), atol=1e-9)
-                for each, x in functions
+                np.allclose(
+                    self.over(function, x[0] + 2.0 * np.pi * np.eye(n)[k], *x[1:]), self.over(function, *x), atol=1e-9
+                )
+                for function, x in functions
             )
             for k in range(n)
         ]
 
-    def assembled(self, q: Floats, sine: float = LEAST_SINE) -> NDArray[np.bool_]:
+    def is_assembled(self, q: Floats, sine: float = LEAST_SINE) -> NDArray[np.bool_]:
         """Mask (m,) of ``q`` (m, n) at which all closed loops are assembled, with a ``sine`` between bars or more."""
         if self.loops is None:
             return np.ones(len(q), bool)
@@ -141,7 +143,9 @@ class ProblemFunctions:
         R: Floats = np.zeros((0, self.problem.columns))
         for k in range(0, q.shape[0], CHUNK):
             part = slice(k, k + CHUNK)
-            R = np.asarray(np.linalg.qr(np.vstack([R, self.weighted(q[part], dq[part], ddq[part])]), mode="r"))
+            R = np.asarray(
+                np.linalg.qr(np.vstack([R, self.weighted_regressor(q[part], dq[part], ddq[part])]), mode="r")
+            )
         return R
 
 
@@ -163,23 +167,27 @@ def limited_quantities(functions: ProblemFunctions, trajectory: FourierTrajector
     """All limited quantities of ``trajectory`` at the times ``t`` (m,), s, for every joint and tip axis."""
     limits, n = functions.problem.limits, functions.problem.joints
     q, dq, ddq = trajectory.evaluate(t)
-    found: list[LimitedQuantity] = []
+    quantities: list[LimitedQuantity] = []
     for name, values in (("speed", dq), ("acceleration", ddq)):
-        found += _below(name, values, limits.row(name, n), polynomial=True)
-    found += _between("position", q, limits.row("position_lower", n), limits.row("position_upper", n), polynomial=True)
+        quantities += _below(name, values, limits.row(name, n), polynomial=True)
+    quantities += _between(
+        "position", q, limits.row("position_lower", n), limits.row("position_upper", n), polynomial=True
+    )
     if limits.followers:
-        factors = np.array([each.factors for each in limits.followers])
-        found += _between("follower", q @ factors.T, *limits.follower_range(), polynomial=True)
+        factors = np.array([follower.factors for follower in limits.followers])
+        quantities += _between("follower", q @ factors.T, *limits.follower_range(), polynomial=True)
     if functions.torque is not None and limits.torque is not None:
-        found += _below("torque", functions.over(functions.torque, q, dq, ddq)[:, :, 0], limits.row("torque", n), False)
+        quantities += _below(
+            "torque", functions.over(functions.torque, q, dq, ddq)[:, :, 0], limits.row("torque", n), False
+        )
     if functions.tip is not None and (limits.box_lower is not None or limits.box_upper is not None):
         tip = functions.over(functions.tip, q)[:, :, 0]
-        found += _between("tip", tip, limits.row("box_lower", 3), limits.row("box_upper", 3), polynomial=False)
+        quantities += _between("tip", tip, limits.row("box_lower", 3), limits.row("box_upper", 3), polynomial=False)
     if functions.loops is not None:
         squares = functions.over(functions.loops, q)[:, :, 0]
         k = squares.shape[1]
-        found += _between("loop", squares, (LEAST_SINE**2,) * k, (math.inf,) * k, polynomial=False)
-    return found
+        quantities += _between("loop", squares, (LEAST_SINE**2,) * k, (math.inf,) * k, polynomial=False)
+    return quantities
 
 
 def _below(name: str, values: Floats, bounds: tuple[float, ...], polynomial: bool) -> list[LimitedQuantity]:
@@ -195,15 +203,15 @@ def _between(
     With two bounds the use is the distance from their middle divided by half the range; with one bound it is 1 at the
     bound and 0 one unit (rad or m) inside.
     """
-    found = []
+    quantities = []
     for i, (v, low, high) in enumerate(zip(values.T, lower, upper, strict=True)):
         if np.isfinite(low) and np.isfinite(high):
-            found.append(LimitedQuantity(name, i, np.abs(2.0 * v - low - high) / (high - low), polynomial))
+            quantities.append(LimitedQuantity(name, i, np.abs(2.0 * v - low - high) / (high - low), polynomial))
         elif np.isfinite(high):
-            found.append(LimitedQuantity(name, i, 1.0 + v - high, False))
+            quantities.append(LimitedQuantity(name, i, 1.0 + v - high, False))
         elif np.isfinite(low):
-            found.append(LimitedQuantity(name, i, 1.0 + low - v, False))
-    return found
+            quantities.append(LimitedQuantity(name, i, 1.0 + low - v, False))
+    return quantities
 
 
 def check_trajectory(

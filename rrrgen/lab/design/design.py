@@ -114,7 +114,7 @@ def design_excitation(
 def _violations(limits: Sequence[LimitUse], problem: ExcitationProblem) -> str:
     worst = sorted((u for u in limits if u.use > 1.0), key=lambda u: -u.use)
 
-    def named(use: LimitUse) -> str:
+    def name_of(use: LimitUse) -> str:
         followers = problem.limits.followers
         return (
             f"position of {followers[use.index].name}"
@@ -122,7 +122,7 @@ def _violations(limits: Sequence[LimitUse], problem: ExcitationProblem) -> str:
             else f"{use.quantity} {use.index + 1}"
         )
 
-    return ", ".join(f"{named(u)} at {100 * u.use:.1f} % of its limit" for u in worst)
+    return ", ".join(f"{name_of(u)} at {100 * u.use:.1f} % of its limit" for u in worst)
 
 
 def write_trajectory_csv(path: Path, trajectory: FourierTrajectory, sample_period: float, cycles: float = 1.0) -> None:

@@ -87,12 +87,12 @@ class FrictionMotion:
     def evaluate(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         """Positions, speeds and accelerations (N, n) of all joints at the times ``t`` (N,)."""
         times = np.asarray(t, dtype=float)
-        found = [np.zeros((len(times), len(self.centre))) for _ in range(3)]
-        found[0] += np.array(self.centre)
+        totals = [np.zeros((len(times), len(self.centre))) for _ in range(3)]
+        totals[0] += np.array(self.centre)
         for part in self.parts:
-            for total, own in zip(found, part.evaluate(times), strict=True):
-                total[:, self.joint] += own
-        return found[0], found[1], found[2]
+            for total, contribution in zip(totals, part.evaluate(times), strict=True):
+                total[:, self.joint] += contribution
+        return totals[0], totals[1], totals[2]
 
     def to_json(self) -> dict[str, Any]:
         """The motion as plain data for JSON, which :meth:`from_json` reads back."""
@@ -136,7 +136,7 @@ def design_friction_motion(
     limit. Raises InputError for an unknown joint or a duration below 20 s, DerivationError if the position limits leave
     no room for motion.
     """
-    names = [each.name for each in spec.joints]
+    names = [joint_spec.name for joint_spec in spec.joints]
     if joint not in names:
         raise InputError(f"robot '{spec.name}' has no joint '{joint}'; its joints are {', '.join(names)}")
     if not duration >= 20.0:
@@ -150,11 +150,11 @@ def design_friction_motion(
         _multisine(rng, 0.0, half, FAST_BAND, FAST_SPACING, FAST_SPEED * unit),
         _multisine(rng, half, half, SLOW_BAND, SLOW_SPACING, SLOW_SPEED * unit),
     )
-    centre = [_middle(each.limits) for each in spec.joints]
+    centre = [_middle(joint_spec.limits) for joint_spec in spec.joints]
     row = replace(row, limits=limits_at(spec, i, centre))
     centre[i] = _middle(row.limits)
-    found = [_scaled(part, _share(part, row.limits, centre[i], joint)) for part in parts]
-    motion = FrictionMotion(i, joint, tuple(centre), tuple(found))
+    scaled_parts = [_scale_amplitude(part, _share(part, row.limits, centre[i], joint)) for part in parts]
+    motion = FrictionMotion(i, joint, tuple(centre), tuple(scaled_parts))
     if torque is None or row.limits.torque is None:
         return motion
     for _ in range(30):  # inertia torque falls with the amplitude, gravity does not
@@ -162,7 +162,7 @@ def design_friction_motion(
         largest = float(np.max(np.abs(torque(*motion.evaluate(t))[:, i])))
         if largest <= TORQUE_RESERVE * float(row.limits.torque):
             return motion
-        motion = FrictionMotion(i, joint, motion.centre, tuple(_scaled(part, 0.8) for part in motion.parts))
+        motion = FrictionMotion(i, joint, motion.centre, tuple(_scale_amplitude(part, 0.8) for part in motion.parts))
     raise DerivationError(f"gravity alone takes more than {100 * TORQUE_RESERVE:g} % of the torque limit of '{joint}'")
 
 
@@ -180,7 +180,9 @@ def _multisine(
         Multisine(start, duration, tuple(f.tolist()), tuple(amplitude.tolist()), tuple(phase.tolist()))
         for phase in rng.uniform(0.0, 2.0 * math.pi, (DRAWS, len(f)))
     ]
-    return min(drawn, key=lambda each: float(np.max(np.abs(each.evaluate(t)[1])) * np.ptp(each.evaluate(t)[0])))
+    return min(
+        drawn, key=lambda multisine: float(np.max(np.abs(multisine.evaluate(t)[1])) * np.ptp(multisine.evaluate(t)[0]))
+    )
 
 
 def _middle(limits: Any) -> float:
@@ -210,6 +212,6 @@ def _share(part: Multisine, limits: Any, centre: float, joint: str) -> float:
     return share
 
 
-def _scaled(part: Multisine, factor: float) -> Multisine:
+def _scale_amplitude(part: Multisine, factor: float) -> Multisine:
     amplitude = tuple(factor * a for a in part.amplitude)
     return Multisine(part.start, part.duration, part.frequency, amplitude, part.phase)

@@ -144,7 +144,7 @@ class ResponseDesign:
                 )
                 for row in data["runs"]
             )
-            found = cls(
+            design = cls(
                 robot=str(data["robot"]),
                 joint=int(data["joint_number"]) - 1,
                 joint_name=str(data["joint"]),
@@ -157,6 +157,6 @@ class ResponseDesign:
             )
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"the response excitation is damaged: {error!r}") from None
-        if not runs or any(not np.all(np.isfinite(run.n)) or len(run.start) != len(found.kp) for run in runs):
+        if not runs or any(not np.all(np.isfinite(run.n)) or len(run.start) != len(design.kp) for run in runs):
             raise InputError("the response excitation is damaged: a run has no excitation or another number of joints")
-        return found
+        return design

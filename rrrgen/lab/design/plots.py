@@ -122,7 +122,7 @@ def plot_information(design: ExcitationDesign, samples: int = 400) -> Figure:
     """Plot, over the time t in one cycle, the condition number of the regressor stacked over the times up to t."""
     functions = ProblemFunctions(design.problem)
     t = np.arange(samples) * (design.trajectory.period / samples)
-    W = functions.weighted(*design.trajectory.evaluate(t)).reshape(samples, design.problem.joints, -1)
+    W = functions.weighted_regressor(*design.trajectory.evaluate(t)).reshape(samples, design.problem.joints, -1)
     A = np.cumsum(np.einsum("kib,kic->kbc", W, W), axis=0)
     eigenvalues = np.linalg.eigvalsh(A)
     ratio = eigenvalues[:, -1] / np.maximum(eigenvalues[:, 0], np.finfo(float).eps * eigenvalues[:, -1])

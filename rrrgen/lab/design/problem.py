@@ -55,13 +55,13 @@ class ExcitationLimits:
         anywhere.
         """
         bounds = zip(self.row("position_lower", size), self.row("position_upper", size), strict=True)
-        low, high = zip(*(_range_of_middle(*each) for each in bounds), strict=True)
+        low, high = zip(*(_range_of_middle(*interval) for interval in bounds), strict=True)
         return low, high
 
     def follower_range(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Lower and upper position limits of the ``followers``, joints that follow others; -inf and inf for none."""
-        low = tuple(-math.inf if each.lower is None else each.lower for each in self.followers)
-        return low, tuple(math.inf if each.upper is None else each.upper for each in self.followers)
+        low = tuple(-math.inf if follower.lower is None else follower.lower for follower in self.followers)
+        return low, tuple(math.inf if follower.upper is None else follower.upper for follower in self.followers)
 
 
 def _range_of_middle(low: float, high: float) -> tuple[float, float]:
@@ -151,35 +151,35 @@ def excitation_problem(
 
 def _faults(problem: ExcitationProblem) -> list[str]:
     n, limits = problem.joints, problem.limits
-    found = []
+    faults = []
     bounds = asdict(limits)
     del bounds["followers"]
     for name, values in bounds.items():
         size = 3 if name.startswith("box") else n
         if values is not None and len(values) != size:
-            found.append(f"limit '{name}' has {len(values)} entries, needs {size}")
+            faults.append(f"limit '{name}' has {len(values)} entries, needs {size}")
         bounds_size = name in ("speed", "acceleration", "torque")
         if values is not None and bounds_size and any(v is not None and not v > 0.0 for v in values):
-            found.append(f"limit '{name}' must be positive")
+            faults.append(f"limit '{name}' must be positive")
     for lower, upper, size in (("position_lower", "position_upper", n), ("box_lower", "box_upper", 3)):
         pairs = zip(limits.row(lower, size), limits.row(upper, size), strict=False)
         if any(low >= high for low, high in pairs):
-            found.append(f"'{lower}' must lie below '{upper}'")
+            faults.append(f"'{lower}' must lie below '{upper}'")
     if limits.torque is not None and problem.torque is None:
-        found.append("torque limits need a torque function: a model with nominal parameters")
+        faults.append("torque limits need a torque function: a model with nominal parameters")
     if (limits.box_lower is not None or limits.box_upper is not None) and problem.tip is None:
-        found.append("a Cartesian box needs a tip function")
+        faults.append("a Cartesian box needs a tip function")
     if limits.speed is None and limits.acceleration is None and limits.torque is None:
-        found.append("limit the speed, the acceleration or the torque: nothing else bounds the motion")
+        faults.append("limit the speed, the acceleration or the torque: nothing else bounds the motion")
     if problem.objective not in OBJECTIVES:
-        found.append(f"objective '{problem.objective}' is not one of {', '.join(OBJECTIVES)}")
+        faults.append(f"objective '{problem.objective}' is not one of {', '.join(OBJECTIVES)}")
     if problem.harmonics < (2 if problem.at_rest else 1) or not problem.base_frequency > 0.0:
-        found.append("at least one harmonic (two to start at rest) of a positive base frequency is needed")
+        faults.append("at least one harmonic (two to start at rest) of a positive base frequency is needed")
     if problem.samples_per_period <= 2 * problem.harmonics:
-        found.append(
+        faults.append(
             f"{problem.samples_per_period} samples per period alias {problem.harmonics} harmonics: "
             f"more than {2 * problem.harmonics} are needed"
         )
     if 0 < problem.design_samples <= 2 * problem.harmonics:
-        found.append(f"{problem.design_samples} design samples alias {problem.harmonics} harmonics")
-    return found
+        faults.append(f"{problem.design_samples} design samples alias {problem.harmonics} harmonics")
+    return faults

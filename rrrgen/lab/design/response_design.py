@@ -73,12 +73,12 @@ def design_response(model: Any, plan: ResponsePlan, rate: float, seed: int = 0) 
 
 def _middle(model: Any) -> tuple[float, ...]:
     """Default posture (n,): position 0 for each joint, or the middle of its range if this does not contain 0."""
-    found = []
+    posture = []
     for joint in model.spec.joints:
         lower, upper = joint.limits.lower, joint.limits.upper
         outside = lower is not None and upper is not None and not float(lower) < 0.0 < float(upper)
-        found.append(0.5 * (float(lower) + float(upper)) if outside else 0.0)
-    return tuple(found)
+        posture.append(0.5 * (float(lower) + float(upper)) if outside else 0.0)
+    return tuple(posture)
 
 
 def _check_posture(model: Any, posture: tuple[float, ...], number: int, moving: int) -> None:
@@ -93,14 +93,14 @@ def _check_posture(model: Any, posture: tuple[float, ...], number: int, moving: 
         below, above = lower is not None and position < lower, upper is not None and position > upper
         if k != moving and (below or above):
             raise InputError(f"posture {number} has joint {joint.name} at {position:.4g}, outside its range")
-    for each in follower_limits(model.spec):
-        position = sum(f * x for f, x in zip(each.factors, posture, strict=True))
+    for follower in follower_limits(model.spec):
+        position = sum(f * x for f, x in zip(follower.factors, posture, strict=True))
         below, above = (
-            each.lower is not None and position < each.lower,
-            each.upper is not None and position > each.upper,
+            follower.lower is not None and position < follower.lower,
+            follower.upper is not None and position > follower.upper,
         )
-        if each.factors[moving] == 0.0 and (below or above):
-            raise InputError(f"posture {number} has joint {each.name} at {position:.4g}, outside its range")
+        if follower.factors[moving] == 0.0 and (below or above):
+            raise InputError(f"posture {number} has joint {follower.name} at {position:.4g}, outside its range")
 
 
 def _samples(plan: ResponsePlan, rate: float) -> int:
@@ -204,8 +204,8 @@ def _strokes(
             f"{lead:g} s, and {FEWEST_PERIODS} are the least: a shorter period, or a smaller rms and with it speed"
         )
     count = math.ceil(plan.periods / most)
-    each = math.ceil(plan.periods / count)
-    length = (each + plan.settle) * samples
+    run_periods = math.ceil(plan.periods / count)
+    length = (run_periods + plan.settle) * samples
     runs = []
     for k in range(count):
         direction = -1.0 if k % 2 else 1.0

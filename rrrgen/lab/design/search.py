@@ -157,8 +157,8 @@ def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
         drawn = rng.uniform(np.where(bounded, low, -np.pi), np.where(bounded, high, np.pi), (HOLDING_TRIALS, n))
         q0 = drawn[int(np.argmin(_holding(problem, drawn)))]
     functions = ProblemFunctions(problem)
-    if not functions.assembled(q0[None], 2.0 * LEAST_SINE)[0]:
-        drawn = np.asarray(_assembled(functions, rng, HOLDING_TRIALS), float)
+    if not functions.is_assembled(q0[None], 2.0 * LEAST_SINE)[0]:
+        drawn = np.asarray(_draw_configurations(functions, rng, HOLDING_TRIALS), float)
         q0 = drawn[int(np.argmin(_holding(problem, drawn))) if limited else 0]
     trajectory = FourierTrajectory(q0, a, b, problem.base_frequency)
     q, dq, ddq = trajectory.evaluate(np.arange(20 * N) * (trajectory.period / (20 * N)))
@@ -174,7 +174,7 @@ def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
         trajectory = FourierTrajectory(q0, a * gains[:, None], b * gains[:, None], problem.base_frequency)
         motion = trajectory.evaluate(_cycle(problem, trajectory))
         moderate = not limited or _torque_use(problem, *motion).max() <= 1.0
-        if moderate and functions.assembled(motion[0]).all():
+        if moderate and functions.is_assembled(motion[0]).all():
             break
         gains = 0.5 * gains
     return trajectory
@@ -236,8 +236,8 @@ def _require_independent_columns(functions: ProblemFunctions, seed: int) -> None
     rng = np.random.default_rng(seed)
     states = rng.uniform(-2.0, 2.0, (3, 10 * problem.columns, problem.joints))
     if problem.loops is not None:
-        states[0] = _assembled(functions, rng, len(states[0]))
-    sigma = np.linalg.svd(functions.weighted(*states), compute_uv=False)
+        states[0] = _draw_configurations(functions, rng, len(states[0]))
+    sigma = np.linalg.svd(functions.weighted_regressor(*states), compute_uv=False)
     rank = int(np.sum(sigma > sigma[0] * problem.columns * 1e-11))
     if rank < problem.columns:
         raise InputError(
@@ -247,7 +247,7 @@ def _require_independent_columns(functions: ProblemFunctions, seed: int) -> None
         )
 
 
-def _assembled(functions: ProblemFunctions, rng: np.random.Generator, count: int) -> Floats:
+def _draw_configurations(functions: ProblemFunctions, rng: np.random.Generator, count: int) -> Floats:
     """Random configurations (count, n) within the position limits in which all closed loops are away from dead points.
 
     Raises InputError where there are none.
@@ -257,7 +257,7 @@ def _assembled(functions: ProblemFunctions, rng: np.random.Generator, count: int
     kept: Floats = np.empty((0, problem.joints))
     for _ in range(DRAWS_OF_LOOPS):
         q = rng.uniform(low, high, (max(count, HOLDING_TRIALS), problem.joints))
-        kept = np.concatenate([kept, q[functions.assembled(q, 2.0 * LEAST_SINE)]], dtype=float)
+        kept = np.concatenate([kept, q[functions.is_assembled(q, 2.0 * LEAST_SINE)]], dtype=float)
         if len(kept) >= count:
             return kept[:count]
     raise InputError(
@@ -277,11 +277,11 @@ def _initial_limits(program: ExcitationProgram, trajectory: FourierTrajectory) -
     counts = {"torque": 0, "loop": problem.design_samples}
     quantities = limited_quantities(program.functions, trajectory, np.zeros(1))
 
-    def chosen(name: str) -> set[int]:
+    def sample_numbers(name: str) -> set[int]:
         count = min(counts.get(name, 2 * program.N), problem.samples_per_period)
         return {int(k) for k in np.linspace(0, problem.samples_per_period, count, endpoint=False)}
 
-    return {(q.name, q.joint): chosen(q.name) for q in quantities}
+    return {(q.name, q.joint): sample_numbers(q.name) for q in quantities}
 
 
 @reraised_interrupts()

@@ -39,7 +39,7 @@ def run_starts(
     InputError if the cluster cannot be reached.
     """
     digest = problem.digest()
-    done = {} if checkpoints is None else _finished(checkpoints, digest, seeds)
+    done = {} if checkpoints is None else _read_finished(checkpoints, digest, seeds)
     missing = [seed for seed in seeds if seed not in done]
     if progress is not None and done:
         progress(len(done), len(seeds), f"{len(done)} starts read back")
@@ -57,17 +57,17 @@ def _place(folder: Path, digest: str, seed: int) -> Path:
     return folder / f"start-{digest[:12]}-{seed}.json"
 
 
-def _finished(folder: Path, digest: str, seeds: Sequence[int]) -> dict[int, StartResult]:
+def _read_finished(folder: Path, digest: str, seeds: Sequence[int]) -> dict[int, StartResult]:
     """Results stored for exactly this problem; damaged files and those of other problems are ignored."""
-    found = {}
+    results = {}
     for seed in seeds:
         try:
             data = json.loads(_place(folder, digest, seed).read_text(encoding="utf-8"))
             if data["digest"] == digest and data["seed"] == seed:
-                found[seed] = _from_json(data)
+                results[seed] = _from_json(data)
         except (OSError, ValueError, KeyError, TypeError):
             continue
-    return found
+    return results
 
 
 def _to_json(result: StartResult, digest: str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.base.yamltext.suggestions import did_you_mean
-from rrrgen.lab.estimate.linear import scaled
+from rrrgen.lab.estimate.linear import scale_columns
 from rrrgen.lab.estimate.regression import Estimate, weighted_least_squares
 from rrrgen.lab.estimate.tsqr import JointFactors
 from rrrgen.robot.spec import STANDARD, standard_names
@@ -76,7 +76,7 @@ def essential_parameters(
             break
         worst = int(np.argmax(relative))
         fewer = kept[:worst] + kept[worst + 1 :]
-        selected = factors.selected(fewer)
+        selected = factors.select_columns(fewer)
         reduced = estimator(selected, [names[i] for i in fewer])
         squares = float(np.sum(selected.residual_squares(reduced.x) * weights**2))
         rise = (squares - reference) / samples_per_independent / (len(names) - len(fewer))
@@ -165,7 +165,7 @@ def _possible_motion(
     for k in range(DRAWS):
         drawn = random_motion(n, 2 * samples, seed + k)
         inside = possible(drawn[0])
-        q, dq, ddq = (np.concatenate([own, new[inside]]) for own, new in zip(kept, drawn, strict=True))
+        q, dq, ddq = (np.concatenate([states, new[inside]]) for states, new in zip(kept, drawn, strict=True))
         kept = q, dq, ddq
         if len(q) >= samples:
             return kept
@@ -280,17 +280,17 @@ class Direction:
     excitation: float
 
 
-def unexcited(factors: JointFactors, names: Sequence[str], weights: Array | None = None) -> tuple[str, ...]:
+def unexcited_parameters(factors: JointFactors, names: Sequence[str], weights: Array | None = None) -> tuple[str, ...]:
     """One sentence for every structurally identifiable parameter that this motion does not determine.
 
     ``factors`` are those of the fitted rows, ``weights`` (n,) those of the joints.
     """
     p = factors.parameters
-    R = factors.stacked(weights)[:p, :p]
-    found = structure_of_matrix(R, names, NOT_EXCITED)
+    R = factors.stack(weights)[:p, :p]
+    structure = structure_of_matrix(R, names, NOT_EXCITED)
     sentences = []
-    for j in found.dependent:
-        partners = [found.names[i] for i in range(found.rank) if found.G[i, j] != 0.0]
+    for j in structure.dependent:
+        partners = [structure.names[i] for i in range(structure.rank) if structure.G[i, j] != 0.0]
         if partners:
             groups = " and ".join(f"'{group}'" for group in partners)
             sentences.append(f"this motion determines {names[j]} only within {groups}")
@@ -308,10 +308,10 @@ def weak_directions(
     ``limit`` times the largest.
     """
     p = factors.parameters
-    R = factors.stacked(weights)[:p, :p]
-    B, size = scaled(R)
+    R = factors.stack(weights)[:p, :p]
+    B, size = scale_columns(R)
     _, s, Vt = np.linalg.svd(B)
-    found = []
+    directions = []
     for value, row in zip(s[::-1], Vt[::-1], strict=True):
         if s[0] == 0.0 or value >= limit * s[0]:
             break
@@ -321,8 +321,8 @@ def weak_directions(
         named = np.where(np.abs(row) >= SMALL_PART * np.max(np.abs(row)), v, 0.0)
         share = float(value / s[0])
         sentence = f"{combination(names, named, 3)} is hardly excited (singular value {share:.1e} of the largest)"
-        found.append(Direction(sentence, row, share))
-    return tuple(found)
+        directions.append(Direction(sentence, row, share))
+    return tuple(directions)
 
 
 def collinear(factors: JointFactors, estimate: Estimate) -> tuple[str, ...]:
@@ -333,17 +333,17 @@ def collinear(factors: JointFactors, estimate: Estimate) -> tuple[str, ...]:
     the parameters that owe most of their variance to it.
     """
     p = factors.parameters
-    R = factors.stacked(estimate.weights)[:p, :p]
-    B, size = scaled(R)
+    R = factors.stack(estimate.weights)[:p, :p]
+    B, size = scale_columns(R)
     _, s, Vt = np.linalg.svd(B)
     if s[0] == 0.0:
         return ()
     inverse = np.divide(1.0, s, out=np.zeros(len(s)), where=s > NOT_EXCITED * s[0])
     parts = (Vt * inverse[:, None]) ** 2
     shares = parts / np.maximum(np.sum(parts, axis=0), np.finfo(float).tiny)
-    found: list[str] = []
+    sentences: list[str] = []
     for k in range(len(s) - 1, -1, -1):
-        if s[k] * INDEX > s[0] or len(found) == MOST_NAMED:
+        if s[k] * INDEX > s[0] or len(sentences) == MOST_NAMED:
             break
         named = (shares[k] > HALF) | (np.abs(Vt[k]) > HALF)
         weights = np.where(named if named.any() else True, Vt[k] / size, 0.0)
@@ -352,8 +352,8 @@ def collinear(factors: JointFactors, estimate: Estimate) -> tuple[str, ...]:
         std = float(np.sqrt(np.maximum(0.0, weights @ estimate.covariance @ weights)))
         words = combination(estimate.names, weights, 3)
         reason = f"condition index {s[0] / s[k]:.3g}" if inverse[k] > 0.0 else "not excited"
-        found.append(f"{words} = {value:.3g} +- {std:.2g} is hardly determined ({reason})")
-    return tuple(found)
+        sentences.append(f"{words} = {value:.3g} +- {std:.2g} is hardly determined ({reason})")
+    return tuple(sentences)
 
 
 @dataclass(frozen=True)
@@ -390,9 +390,9 @@ def fix_standard(projection: Array, known: Mapping[str, float]) -> Restriction:
         phi[names.index(name)], free[names.index(name)] = value, False
     beta_0 = projection @ phi
     rows = [f"{i}" for i in range(len(projection))]
-    found = structure_of_matrix(projection[:, free].T, rows) if free.any() else None
-    if found is None or found.rank == 0:
+    structure = structure_of_matrix(projection[:, free].T, rows) if free.any() else None
+    if structure is None or structure.rank == 0:
         return Restriction((), np.zeros((len(projection), 0)), beta_0)
     # rows of K over the free parameters are combinations of the kept rows: beta - beta_0 = B (beta - beta_0)[kept]
-    B = found.G.T
-    return Restriction(found.kept, B, beta_0 - B @ beta_0[list(found.kept)])
+    B = structure.G.T
+    return Restriction(structure.kept, B, beta_0 - B @ beta_0[list(structure.kept)])

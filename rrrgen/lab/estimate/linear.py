@@ -13,7 +13,7 @@ RANK = 1e-10
 """Singular values of scaled columns below this share of the largest are zero; round-off is 1e-14 of it."""
 
 
-def scaled(A: Array) -> tuple[Array, Array]:
+def scale_columns(A: Array) -> tuple[Array, Array]:
     """The columns of A (m, p) divided by their lengths, and the lengths (p,); a column of zeros has length 1.
 
     Equal lengths make singular values and ranks independent of the units of the parameters. They minimize the condition
@@ -67,7 +67,7 @@ def solve(A: Array, y: Array, rank: float = RANK) -> Linear:
     Singular values below ``rank`` times the largest count as zero; of all solutions the one that is shortest in scaled
     columns is returned.
     """
-    B, size = scaled(A)
+    B, size = scale_columns(A)
     U, s, Vt = np.linalg.svd(B, full_matrices=False)
     count = int(np.sum(s > rank * np.max(s, initial=0.0)))
     U = U[:, :count]

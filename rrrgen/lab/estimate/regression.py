@@ -104,7 +104,7 @@ def least_squares(
     p = factors.parameters
     if len(names) != p:
         raise InputError(f"{len(names)} names for {p} parameters")
-    R = factors.stacked(weights)
+    R = factors.stack(weights)
     fit = solve(R[:p, :p], R[:p, p], tolerance)
     x, rank = fit.x, fit.rank
     if rank == 0:
@@ -114,8 +114,8 @@ def least_squares(
     if freedom <= 0:
         raise DerivationError(f"{total:.0f} rows cannot determine {rank} parameters and their noise")
     squares = factors.residual_squares(x)
-    own = np.maximum(1.0, factors.counts * freedom / total)
-    sigma = np.sqrt(squares / own)
+    joint_freedom = np.maximum(1.0, factors.counts * freedom / total)
+    sigma = np.sqrt(squares / joint_freedom)
     weighted = squares if weights is None else squares * np.asarray(weights) ** 2
     variance = float(np.sum(weighted)) / freedom
     plain = np.linalg.svd(R[:p, :p], compute_uv=False)
@@ -192,7 +192,7 @@ def robust_least_squares(
     done = 0
     while done < passes:
         done += 1
-        factors, clipped = _reweighted(blocks(), expand(estimate.x), sigma, limit)
+        factors, clipped = _huber_factors(blocks(), expand(estimate.x), sigma, limit)
         factors = transform(factors) if transform else factors
         updated = least_squares(factors, names, None, tolerance, "robust least squares (Huber)")
         share = max(1.0 / (1 + start.rank), 1.0 - start.rank / float(np.sum(start.counts)))
@@ -202,10 +202,12 @@ def robust_least_squares(
         sigma = np.maximum(new_sigma, np.finfo(float).tiny)
         if step < ROBUST_SETTLED and moved < ROBUST_SETTLED:
             break
-    return replace(_scored(blocks(), expand, estimate), joint_sigma=sigma, weights=1.0 / sigma, iterations=done)
+    return replace(
+        _with_unweighted_errors(blocks(), expand, estimate), joint_sigma=sigma, weights=1.0 / sigma, iterations=done
+    )
 
 
-def _reweighted(blocks: Iterable[Rows], theta: Array, sigma: Array, limit: float) -> tuple[JointFactors, Array]:
+def _huber_factors(blocks: Iterable[Rows], theta: Array, sigma: Array, limit: float) -> tuple[JointFactors, Array]:
     """Factors of the rows times ``sqrt(min(1, limit/|u|)) / sigma``, and the sums of ``min(u^2, limit^2)`` per joint.
 
     ``u = r / sigma`` are the residuals r of ``theta`` scaled by ``sigma`` (n,).
@@ -216,13 +218,13 @@ def _reweighted(blocks: Iterable[Rows], theta: Array, sigma: Array, limit: float
         u = np.abs(rows.tau - rows.W @ theta) / sigma
         clipped += np.sum(np.where(rows.use, np.minimum(u, limit) ** 2, 0.0), axis=0)
         part = factor_rows(rows, np.sqrt(limit / np.maximum(u, limit)) / sigma)
-        total = part if total is None else total.merged(part)
+        total = part if total is None else total.merge(part)
     if total is None:
         raise InputError("the recording holds no samples")
     return total, clipped
 
 
-def _scored(blocks: Iterable[Rows], expand: Callable[[Array], Array], estimate: Estimate) -> Estimate:
+def _with_unweighted_errors(blocks: Iterable[Rows], expand: Callable[[Array], Array], estimate: Estimate) -> Estimate:
     """Copy of ``estimate`` whose torque errors are those on the rows without weights.
 
     ``expand`` maps the estimated parameters to those of the columns.
@@ -273,7 +275,7 @@ def correlated_covariance(
         residual = np.where(rows.use, rows.tau - rows.W @ theta, 0.0)
         if limit is not None:
             most = limit / estimate.weights
-            slope += _unclipped(rows, np.abs(residual) < most, estimate.weights, project)
+            slope += _unclipped_information(rows, np.abs(residual) < most, estimate.weights, project)
             residual = np.clip(residual, -most, most)
         leverage = w2 * np.sum((rows.W @ root) ** 2, axis=-1)
         residual = residual / np.maximum(1.0 - leverage, SMALLEST_SHARE)
@@ -289,26 +291,26 @@ def correlated_covariance(
         keep = max(0, len(scores) - lags - 1)
         tail, tail_segment = scores[keep:], segment[keep:]
     S = _long_run_covariance(products)
-    own, next_to = (np.einsum("ji,jk,ki->i", inverse, each, inverse) for each in products[:2])
-    freedom = _degrees_of_freedom(own, next_to, fourth, count, lags)
-    wider = np.array([confidence_factor(LEVEL, each) for each in freedom]) / confidence_factor(LEVEL, np.inf)
+    squares, next_to = (np.einsum("ji,jk,ki->i", inverse, product, inverse) for product in products[:2])
+    freedom = _degrees_of_freedom(squares, next_to, fourth, count, lags)
+    wider = np.array([confidence_factor(LEVEL, degrees) for degrees in freedom]) / confidence_factor(LEVEL, np.inf)
     if limit is not None:
         inverse = np.asarray(np.linalg.pinv(slope, hermitian=True), dtype=np.float64)
     return np.asarray(inverse @ S @ inverse * np.outer(wider, wider))
 
 
-def _degrees_of_freedom(own: Array, next_to: Array, fourth: Array, count: int, lags: int) -> Array:
+def _degrees_of_freedom(squares: Array, next_to: Array, fourth: Array, count: int, lags: int) -> Array:
     """Degrees of freedom (p,) of the long-run variances of p scores z over ``count`` rows, 2 over the squared scatter.
 
     Bartlett's window of ``lags`` lags gives a variance the relative scatter ``4/3 (lags + 1)/N`` (Andrews 1991),
     and the lag-one correlation a, removed by prewhitening, one of ``(1 - a^2)/N``, which the factor ``1/(1 - a)^2``
     magnifies to ``4 (1 + a)/((1 - a) N)``. N counts rows alike: a motion that excites a parameter for a part of the
-    time reduces it by the kurtosis of z over that of normal noise, 3. ``own``, ``next_to`` and ``fourth`` (p,) are the
-    sums of ``z_k^2``, ``z_k z_{k-1}`` and ``z_k^4``.
+    time reduces it by the kurtosis of z over that of normal noise, 3. ``squares``, ``next_to`` and ``fourth`` (p,) are
+    the sums of ``z_k^2``, ``z_k z_{k-1}`` and ``z_k^4``.
     """
-    present = own > 0.0
-    a = np.clip(np.divide(next_to, own, out=np.zeros(len(own)), where=present), 0.0, MOST_PREWHITENED)
-    kurtosis = np.divide(count * fourth, own**2, out=np.full(len(own), 3.0), where=present)
+    present = squares > 0.0
+    a = np.clip(np.divide(next_to, squares, out=np.zeros(len(squares)), where=present), 0.0, MOST_PREWHITENED)
+    kurtosis = np.divide(count * fourth, squares**2, out=np.full(len(squares), 3.0), where=present)
     scatter = kurtosis / 3.0 * (4.0 / 3.0 * (lags + 1) + 4.0 * (1.0 + a) / (1.0 - a)) / max(1, count)
     return np.asarray(2.0 / scatter)
 
@@ -325,8 +327,8 @@ def _long_run_covariance(products: Array) -> Array:
     Each score is prewhitened by its lag-one correlation a (Andrews and Monahan 1992): ``u_k = s_k - a s_{k-1}`` is less
     correlated than s, so that the window truncates less of it; the factor ``1/(1 - a)`` restores the variance of s.
     """
-    own = np.diag(products[0])
-    a = np.divide(np.diag(products[1]), own, out=np.zeros(len(own)), where=own > 0.0)
+    squares = np.diag(products[0])
+    a = np.divide(np.diag(products[1]), squares, out=np.zeros(len(squares)), where=squares > 0.0)
     a = np.clip(a, 0.0, MOST_PREWHITENED)
     lags = len(products) - 2
     S = np.zeros(products.shape[1:])
@@ -340,7 +342,7 @@ def _long_run_covariance(products: Array) -> Array:
     return np.asarray((V * np.maximum(values, 0.0)) @ V.T)
 
 
-def _unclipped(rows: Rows, inside: NDArray[np.bool_], weights: Array, project: Array) -> Array:
+def _unclipped_information(rows: Rows, inside: NDArray[np.bool_], weights: Array, project: Array) -> Array:
     """Sum ``sum_jk w_j^2 W_jk' W_jk`` (p, p) over the rows in use whose residuals are ``inside`` (N, n) the limit.
 
     ``weights`` w (n,) are those of the joints; ``project`` maps the columns of the rows to the p parameters.
@@ -351,4 +353,4 @@ def _unclipped(rows: Rows, inside: NDArray[np.bool_], weights: Array, project: A
 
 def robust_rows(blocks: Iterable[Rows], theta: Array, estimate: Estimate, limit: float = HUBER) -> JointFactors:
     """Factors of the rows with the weights of the last pass of a robust estimate; ``theta`` are all parameters (p,)."""
-    return _reweighted(blocks, theta, 1.0 / estimate.weights, limit)[0]
+    return _huber_factors(blocks, theta, 1.0 / estimate.weights, limit)[0]

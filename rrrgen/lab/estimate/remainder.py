@@ -82,28 +82,28 @@ class Errors:
                 period = float(np.median(np.diff(piece.t)))
                 apart = max(1 + reach, int(np.ceil(LATER / period - 1e-6)))
             present = np.isfinite(errors)
-            own = np.where(present, errors, 0.0) ** 2
+            squares = np.where(present, errors, 0.0) ** 2
             keys = np.column_stack([segment, np.floor(piece.t / BLOCK).astype(np.int64)])
             known, number = np.unique(keys, axis=0, return_inverse=True)
-            sums = np.zeros((len(known), 2, own.shape[1]))
-            np.add.at(sums, number.reshape(-1), np.stack([own, present], axis=1))
-            for (stretch, block), each in zip(known.tolist(), sums, strict=True):
-                blocks[stretch, block] = blocks.get((stretch, block), 0.0) + each
+            sums = np.zeros((len(known), 2, squares.shape[1]))
+            np.add.at(sums, number.reshape(-1), np.stack([squares, present], axis=1))
+            for (stretch, block), increment in zip(known.tolist(), sums, strict=True):
+                blocks[stretch, block] = blocks.get((stretch, block), 0.0) + increment
             if tail is not None:
                 errors, segment = np.vstack([tail, errors]), np.concatenate([tail_segment, segment])
-            found = [lagged_products(each, segment, EARLIER, len(errors) - new, apart) for each in errors.T]
+            parts = [lagged_products(column, segment, EARLIER, len(errors) - new, apart) for column in errors.T]
             size = np.sum(np.where(present, piece.measured, 0.0) ** 2, axis=0)
-            step = [np.column_stack([each[0] for each in found]), np.column_stack([each[1] for each in found]), size]
+            step = [np.column_stack([part[0] for part in parts]), np.column_stack([part[1] for part in parts]), size]
             total = step if total is None else [a + b for a, b in zip(total, step, strict=True)]
             tail, tail_segment = errors[-EARLIER * apart :], segment[-EARLIER * apart :]
         if total is None or not np.any(total[1][0]):
             return None
-        rows = np.stack([each for each in blocks.values() if np.any(each[1])])
+        rows = np.stack([block_sums for block_sums in blocks.values() if np.any(block_sums[1])])
         return cls(
             period, apart, total[0], total[1].astype(np.int64), rows[:, 0], rows[:, 1].astype(np.int64), total[2]
         )
 
-    def joined(self, other: Errors) -> Errors:
+    def join(self, other: Errors) -> Errors:
         """The sums over these errors and over those of ``other`` data."""
         return Errors(
             self.period,
@@ -149,10 +149,10 @@ class Errors:
         return share, float(fisher.sf(ratio, EARLIER, freedom))
 
 
-def all_errors(found: Iterable[Errors | None]) -> Errors | None:
-    """The sums over all errors ``found`` together; None without any."""
-    there = [each for each in found if each is not None]
-    return reduce(Errors.joined, there) if there else None
+def all_errors(parts: Iterable[Errors | None]) -> Errors | None:
+    """The sums over all errors ``parts`` together; None without any."""
+    there = [part for part in parts if part is not None]
+    return reduce(Errors.join, there) if there else None
 
 
 @dataclass(frozen=True)
@@ -194,14 +194,14 @@ def remainders(held_out: Errors | None, fitted: Errors | None, names: Sequence[s
     """
     from scipy.stats import t as student
 
-    found = []
+    leftovers = []
     for k, name in enumerate(names if held_out is not None else ()):
         assert held_out is not None
         mean, error, blocks = held_out.mean_square(k)
         growth, grown = None, False
         if fitted is not None:
-            before, own, others = fitted.mean_square(k)
-            fewest, apart = min(blocks, others), float(np.hypot(error, own))
+            before, fitted_error, others = fitted.mean_square(k)
+            fewest, apart = min(blocks, others), float(np.hypot(error, fitted_error))
             if fewest >= FEWEST_BLOCKS and before > 0.0 and apart > 0.0:
                 growth = float(np.sqrt(mean / before))
                 grown = growth >= GROWN and float(student.sf((mean - before) / apart, fewest - 1)) < UNLIKELY
@@ -209,8 +209,8 @@ def remainders(held_out: Errors | None, fitted: Errors | None, names: Sequence[s
         size = float(held_out.size[k])
         relative = float(np.sqrt(np.sum(held_out.squares[:, k]) / size)) if size > 0.0 else 0.0
         follows = share >= FOLLOWS and chance < UNLIKELY
-        found.append(Remainder(name, relative, growth, grown, share, follows, held_out.apart * held_out.period))
-    return tuple(found)
+        leftovers.append(Remainder(name, relative, growth, grown, share, follows, held_out.apart * held_out.period))
+    return tuple(leftovers)
 
 
 CHANGED = "a friction or load that changed, or parameters that the fitted data hardly determine"
@@ -221,30 +221,30 @@ UNMODELLED = (
 
 
 def remainder_notes(
-    found: Sequence[Remainder], errors: str = "torque errors", unmodelled: str = UNMODELLED
+    leftovers: Sequence[Remainder], errors: str = "torque errors", unmodelled: str = UNMODELLED
 ) -> tuple[str, ...]:
     """A sentence on the outputs whose held-out ``errors`` noise does not explain, and on what can be left in them.
 
     ``unmodelled`` names the effects that let errors follow each other. Empty if noise explains all of them.
     """
-    left = [each for each in found if each.is_left]
+    left = [remainder for remainder in leftovers if remainder.is_left]
     if not left:
         return ()
     causes = [
-        *([CHANGED] if any(each.grown for each in left) else []),
-        *([unmodelled] if any(each.follows for each in left) else []),
+        *([CHANGED] if any(remainder.grown for remainder in left) else []),
+        *([unmodelled] if any(remainder.follows for remainder in left) else []),
     ]
     return (
-        f"noise does not explain the held-out {errors} of {', '.join(each.evidence for each in left)}: something is "
-        f"left, such as {'; or '.join(causes)}",
+        f"noise does not explain the held-out {errors} of {', '.join(remainder.evidence for remainder in left)}: "
+        f"something is left, such as {'; or '.join(causes)}",
     )
 
 
-def remainder_record(found: Sequence[Remainder]) -> list[dict[str, Any]]:
-    """Plain data of ``found`` for JSON, one entry for each output."""
-    return [vars(each) | {"is_left": each.is_left} for each in found]
+def remainder_record(leftovers: Sequence[Remainder]) -> list[dict[str, Any]]:
+    """Plain data of ``leftovers`` for JSON, one entry for each output."""
+    return [vars(remainder) | {"is_left": remainder.is_left} for remainder in leftovers]
 
 
 def recorded_remainders(record: Sequence[Mapping[str, Any]]) -> tuple[Remainder, ...]:
     """The inverse of :func:`remainder_record`."""
-    return tuple(Remainder(**{key: value for key, value in each.items() if key != "is_left"}) for each in record)
+    return tuple(Remainder(**{key: value for key, value in entry.items() if key != "is_left"}) for entry in record)

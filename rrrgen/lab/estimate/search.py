@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.lab.estimate.linear import scaled
+from rrrgen.lab.estimate.linear import scale_columns
 from rrrgen.lab.estimate.tsqr import triangular
 
 State = TypeVar("State")
@@ -106,7 +106,7 @@ def search(
             progress(accepted)
         k = J.shape[1]
         with np.errstate(over="ignore", invalid="ignore"):
-            B, size = scaled(J)
+            B, size = scale_columns(J)
         R = triangular(np.column_stack([B, r]))  # J may have many rows: only its triangular factor is decomposed
         if not (np.isfinite(now) and np.all(np.isfinite(size)) and np.all(np.isfinite(R))):
             ended_by = "not finite"

@@ -39,7 +39,7 @@ class Rows:
         """Mask (N, n) of the rows with a valid torque, including those left out because of a low speed."""
         return self.use if self.valid is None else self.valid
 
-    def chosen(self, mask: NDArray[np.bool_]) -> Rows:
+    def use_only(self, mask: NDArray[np.bool_]) -> Rows:
         """A copy with only the times of ``mask`` (N,) in use; the others are kept, so that time remains uniform."""
         return replace(self, use=self.use & mask[:, None])
 
@@ -68,12 +68,12 @@ class JointFactors:
         """Sum of squared residuals ``|tau_j - W_j x|^2`` of every joint (n,), for parameters ``x`` (p,)."""
         return np.asarray(np.sum((self.R[:, :, -1] - self.R[:, :, :-1] @ x) ** 2, axis=1))
 
-    def stacked(self, weights: Array | None = None) -> Array:
+    def stack(self, weights: Array | None = None) -> Array:
         """Triangular factor (p+1, p+1) of the rows of all joints together, those of joint j times ``weights[j]``."""
         w = np.ones(len(self.R)) if weights is None else np.asarray(weights, float)
         return triangular((self.R * w[:, None, None]).reshape(-1, self.R.shape[2]))
 
-    def mapped(self, T: Array, known: Array | None = None) -> JointFactors:
+    def substitute(self, T: Array, known: Array | None = None) -> JointFactors:
         """Factors of the same rows for the parameters x (r,), where ``theta = T x + known``.
 
         ``T`` is (p, r); ``known`` (p,) is 0 by default.
@@ -84,7 +84,7 @@ class JointFactors:
         change[:p, :-1], change[:p, -1], change[p, -1] = T, -known, 1.0
         return JointFactors(np.stack([triangular(R @ change) for R in self.R]), self.counts)
 
-    def selected(self, kept: Sequence[int], fixed: Mapping[int, float] | None = None) -> JointFactors:
+    def select_columns(self, kept: Sequence[int], fixed: Mapping[int, float] | None = None) -> JointFactors:
         """Factors of the same rows for the parameters of the columns ``kept``.
 
         ``fixed`` (column -> value) are known parameters; all others are zero.
@@ -93,9 +93,9 @@ class JointFactors:
         known = np.zeros(self.parameters)
         for column, value in (fixed or {}).items():
             known[column] = value
-        return self.mapped(T, known)
+        return self.substitute(T, known)
 
-    def merged(self, other: JointFactors) -> JointFactors:
+    def merge(self, other: JointFactors) -> JointFactors:
         """Factors of the rows of this object and of ``other`` together."""
         if self.R.shape != other.R.shape:
             raise InputError("factors of different problems cannot be merged")
@@ -132,7 +132,7 @@ def factor_rows(rows: Rows, weights: Array | None = None) -> JointFactors:
 
 def factor_blocks(blocks: Sequence[Rows]) -> JointFactors:
     """Triangular factors of all rows of ``blocks``, which must not be empty."""
-    found = factor_rows(blocks[0])
+    factors = factor_rows(blocks[0])
     for rows in blocks[1:]:
-        found = found.merged(factor_rows(rows))
-    return found
+        factors = factors.merge(factor_rows(rows))
+    return factors

@@ -272,7 +272,7 @@ class _ExperimentReader(Reader):
         )
 
     def limits(self, node: Node, what: str) -> ExcitationLimits:
-        found = self.section(
+        values = self.section(
             node,
             what,
             "limits",
@@ -285,13 +285,13 @@ class _ExperimentReader(Reader):
                 "box": self.box,
             },
         )
-        low, high = found.pop("box", (None, None))
+        low, high = values.pop("box", (None, None))
         return ExcitationLimits(
-            position_lower=found.pop("lower", None),
-            position_upper=found.pop("upper", None),
+            position_lower=values.pop("lower", None),
+            position_upper=values.pop("upper", None),
             box_lower=low,
             box_upper=high,
-            **found,
+            **values,
         )
 
     def box(self, node: Node, what: str) -> tuple[tuple[float | None, ...], tuple[float | None, ...]]:
@@ -300,7 +300,7 @@ class _ExperimentReader(Reader):
         return tuple(p[0] for p in pairs), tuple(p[1] for p in pairs)
 
     def writing(self, node: Node, what: str) -> dict[str, Any]:
-        found = self.section(
+        values = self.section(
             node,
             what,
             "writing",
@@ -314,7 +314,7 @@ class _ExperimentReader(Reader):
                 "plane": self.plane,
             },
         )
-        return found
+        return values
 
     def plane(self, node: Node, what: str) -> WritingPlane | None:
         length = self.one(units.LENGTH, "m")
@@ -367,7 +367,7 @@ class _ExperimentReader(Reader):
         return self.section(node, what, "flexible_joints", take)
 
     def response(self, node: Node, what: str) -> dict[str, Any]:
-        found = self.section(
+        values = self.section(
             node,
             what,
             "response",
@@ -386,7 +386,7 @@ class _ExperimentReader(Reader):
                 "damping": self.one(UNITLESS, "one", positive=True),
             },
         )
-        return {key: value for key, value in found.items() if value is not None}
+        return {key: value for key, value in values.items() if value is not None}
 
     def band(self, node: Node, what: str) -> tuple[float, float] | None:
         """Read a pair of frequencies in rising order, Hz."""
@@ -401,8 +401,8 @@ class _ExperimentReader(Reader):
         if not isinstance(node, SequenceNode) or not node.items:
             self.faults.error(node, f"{what} is {describe(node)}, not a list of postures [[q1, q2, ..], ..]")
             return None
-        each = self.each(units.POSITION, "rad")
-        return tuple(each(item, f"{what}[{k}]") for k, item in enumerate(node.items))
+        reader = self.each(units.POSITION, "rad")
+        return tuple(reader(item, f"{what}[{k}]") for k, item in enumerate(node.items))
 
     def friction(self, node: Node, what: str) -> FrictionModel | None:
         entries = read_entries(node, what, self.faults) or {}
@@ -423,7 +423,7 @@ class _ExperimentReader(Reader):
             return None
 
     def control(self, node: Node, what: str) -> ControlSection:
-        found = self.section(
+        values = self.section(
             node,
             what,
             "control",
@@ -438,11 +438,11 @@ class _ExperimentReader(Reader):
                 "feedforward": self.yes_or_no,
             },
         )
-        if ("kp" in found) != ("kd" in found):
+        if ("kp" in values) != ("kd" in values):
             self.faults.error(node, f"{what} needs both kp and kd, or a bandwidth")
         entries = read_entries(node, what, FaultList(self.faults.file, "")) or {}
-        places = {key: self.faults.fault(entries[key][0], "", "", 0, "warning") for key in found}
-        return ControlSection(**{key: value for key, value in found.items() if value is not None}, places=places)
+        places = {key: self.faults.fault(entries[key][0], "", "", 0, "warning") for key in values}
+        return ControlSection(**{key: value for key, value in values.items() if value is not None}, places=places)
 
     # -- values ------------------------------------------------------------------------------------------------------
 
@@ -463,11 +463,11 @@ class _ExperimentReader(Reader):
         return lambda node, what: self.per_joint(node, what, self.n, table, bare)
 
     def bandwidths(self, node: Node, what: str) -> tuple[float | None, ...] | None:
-        found: tuple[float | None, ...] | None = self.each(units.RATE, "Hz")(node, what)
-        if found is not None and any(value is not None and value <= 0.0 for value in found):  # None: a fault already
+        rates: tuple[float | None, ...] | None = self.each(units.RATE, "Hz")(node, what)
+        if rates is not None and any(value is not None and value <= 0.0 for value in rates):  # None: a fault already
             self.faults.error(node, f"{what} must be positive")
             return None
-        return found
+        return rates
 
     def count(self, node: Node, what: str) -> int:
         return self.whole(node, what, 0)

@@ -17,7 +17,7 @@ from rrrgen.base.errors import InputError
 from rrrgen.derive.functions.friction import surfaces_of
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
-from rrrgen.lab.data.uniform_stream import joined
+from rrrgen.lab.data.uniform_stream import join_parts
 from rrrgen.lab.design.plan import ResponseDesign, ResponseRun
 from rrrgen.lab.identify.bandwidth import tune
 from rrrgen.lab.identify.observations import Recording, reconstruct
@@ -157,7 +157,7 @@ class RecordedMotion:
         if len({part.segment for part in parts}) != 1:
             pieces = len({part.segment for part in parts})
             raise InputError(f"the reference has {pieces} stretches with gaps between them: it must be uninterrupted")
-        motion = reconstruct(joined(parts), tune(processing, [recording]).processing)
+        motion = reconstruct(join_parts(parts), tune(processing, [recording]).processing)
         t = np.asarray(motion.t) - motion.t[0]
         position = CubicHermiteSpline(t, motion.q, motion.dq)
         return cls(float(t[-1]), t, motion.ddq, position, position.derivative())

@@ -161,24 +161,24 @@ class LoopDesign:
     def lines(self) -> list[str]:
         """The design in words: gains, observer and margin, and a lower bandwidth than the one aimed at."""
         law = "PD control" if isinstance(self.controller, PD) else "computed torque"
-        gains = "with stated gains" if self.bandwidth is None else f"of {_listed(self.bandwidth)} Hz"
+        gains = "with stated gains" if self.bandwidth is None else f"of {_in_words(self.bandwidth)} Hz"
         if self.feedforward is not None:
             gains += " with the torques of the model fed forward"
         watch = "backward differences" if isinstance(self.observer, BackwardDifference) else "a Kalman observer"
         if self.poles is not None:
             watch += f" with its poles at {self.poles / (2.0 * math.pi):.3g} Hz"
-        found = [f"{law} {gains}, {watch}: {self.margin_text()}"]
+        sentences = [f"{law} {gains}, {watch}: {self.margin_text()}"]
         if self.instead is not None:
-            found.append(
-                f"not PD control: with this margin it would have {_listed(self.instead)} Hz, too slow for the motion "
+            sentences.append(
+                f"not PD control: with this margin it would have {_in_words(self.instead)} Hz, too slow for the motion "
                 "(`--control pd` takes it anyway)"
             )
         if self.bandwidth is not None and self.asked is not None and self.bandwidth != self.asked:
-            found.append(
-                f"not {_listed(self.asked)} Hz: it would not be robust, or the encoder steps would shake the drives; "
+            sentences.append(
+                f"not {_in_words(self.asked)} Hz: it would not be robust, or the encoder steps would shake the drives; "
                 "a higher rate or finer encoders allow more, and so does computed torque (`--control computed-torque`)"
             )
-        return found
+        return sentences
 
     def margin_text(self) -> str:
         """The margin in words."""
@@ -203,23 +203,23 @@ class LoopDesign:
 def design_loop(arm: ControlledArm, control: ControlSection) -> LoopDesign:
     """Design the loop of ``arm``: what ``control`` states is kept, everything else is chosen for the margin."""
     search = _LoopSearch(arm, control)
-    found = search.best()
+    loop = search.best()
     left_open = (control.kind, control.bandwidth, control.kp, control.jerk, control.feedforward)
-    if left_open == (None,) * 5 and found.bandwidth is not None and min(found.bandwidth) < SLOWEST:
+    if left_open == (None,) * 5 and loop.bandwidth is not None and min(loop.bandwidth) < SLOWEST:
         model_based = _LoopSearch(arm, replace(control, kind="computed_torque"))
         cancelled = model_based.best()
         if model_based.good(cancelled) and cancelled.bandwidth is not None and min(cancelled.bandwidth) >= SLOWEST:
-            return replace(cancelled, instead=found.bandwidth)
-    if found.robust or not control.places:
-        return found
+            return replace(cancelled, instead=loop.bandwidth)
+    if loop.robust or not control.places:
+        return loop
     stated = {key: place for key, place in control.places.items() if key in DECISIVE}
     if not stated:
-        return found
+        return loop
     free = replace(control, bandwidth=None, damping=1.0, kp=None, kd=None, observer="kalman", jerk=None, places={})
-    return replace(found, warnings=_warnings(found, stated, _LoopSearch(arm, free).best()))
+    return replace(loop, warnings=_warnings(loop, stated, _LoopSearch(arm, free).best()))
 
 
-def checked(recording: SimulatedRecording, arm: ControlledArm, loop: LoopDesign) -> Tracking:
+def check_loop(recording: SimulatedRecording, arm: ControlledArm, loop: LoopDesign) -> Tracking:
     """Check how ``arm`` followed its motion in the ``recording`` under ``loop``."""
     resolution = np.array(arm.resolution) if arm.stepped else np.zeros(len(arm.load))
     bandwidth = float(np.sqrt(loop.stiffness / arm.inertia).max()) / (2.0 * math.pi)
@@ -230,12 +230,12 @@ DECISIVE = ("bandwidth", "damping", "kp", "kd", "observer", "jerk")
 """Keys of the control section on which the margin depends."""
 
 
-def _warnings(found: LoopDesign, stated: Mapping[str, Fault], free: LoopDesign) -> tuple[Fault, ...]:
+def _warnings(loop: LoopDesign, stated: Mapping[str, Fault], free: LoopDesign) -> tuple[Fault, ...]:
     """The warning about the settings ``stated``, at the place of the first; ``free`` is the design without them."""
     place = min(stated.values())
     names = ", ".join(f"`{name}`" for name in stated)
     verb = "makes" if len(stated) == 1 else "make"
-    message = f"{names} {verb} a loop that is not robust: {found.margin_text()}"
+    message = f"{names} {verb} a loop that is not robust: {loop.margin_text()}"
     hint = f"without {'it' if len(stated) == 1 else 'them'}: {free.lines()[0]}"
     return (replace(place, message=message, hint=hint, severity="warning"),)
 
@@ -252,7 +252,7 @@ class _LoopSearch:
             self.extreme = _extreme(whole / np.sqrt(np.outer(self.inertia, self.inertia)))
             spread = np.linspace(0, len(whole) - 1, SPREAD).round().astype(int)
             self.compared = np.unique(np.concatenate([self.extreme, spread]))
-        self.sampled = lru_cache(maxsize=8)(self._sampled)
+        self.sampled_arm = lru_cache(maxsize=8)(self._sampled_arm)
 
     def best(self) -> LoopDesign:
         """The loop with the stated settings, or the fastest; with feedforward where the load would bend it too far."""
@@ -260,17 +260,17 @@ class _LoopSearch:
         fed = self.arm.torques + self.arm.rubbing if pd and control.feedforward is not False else None
         stated = control.kp is not None and control.kd is not None
         if stated or control.bandwidth is not None:
-            found = self.at(None if stated else np.array(control.bandwidth))
-            return replace(found, feedforward=fed if control.feedforward else None)
+            loop = self.at(None if stated else np.array(control.bandwidth))
+            return replace(loop, feedforward=fed if control.feedforward else None)
         if control.feedforward is None:
             alone = self.fastest(self.aim())
             if fed is None or not self.sags(alone):
                 return alone
         return replace(self.fastest(self.aim(fed is None)), feedforward=fed)
 
-    def sags(self, found: LoopDesign) -> bool:
+    def sags(self, loop: LoopDesign) -> bool:
         """Whether the load bends this loop at rest by more than :data:`SAGS` of the motion of a joint."""
-        return bool(np.any(self.arm.load > SAGS * self.arm.reach * found.stiffness))
+        return bool(np.any(self.arm.load > SAGS * self.arm.reach * loop.stiffness))
 
     def fastest(self, asked: Array) -> LoopDesign:
         """The fastest loop with margin and quiet drives, no faster than ``asked`` (n,), Hz; else the best tried."""
@@ -278,7 +278,7 @@ class _LoopSearch:
         # no joint falls below the usual bandwidth for the load of others, unless it must
         floor = BANDWIDTH if self.possible(np.full(len(asked), BANDWIDTH)) else 0.0
         slowed = bisect_left(range(steps), True, key=lambda k: self.possible(np.maximum(asked * STEP**k, floor)))
-        fastest = asked if slowed == 0 else self.raised(np.maximum(asked * STEP**slowed, floor), asked)
+        fastest = asked if slowed == 0 else self.raise_bandwidths(np.maximum(asked * STEP**slowed, floor), asked)
         best: LoopDesign | None = None
         for level in _slower(fastest, np.minimum(fastest, floor), max(1, steps - slowed)):
             tried = self.at(level)
@@ -301,7 +301,7 @@ class _LoopSearch:
         needed = np.sqrt(arm.load / (self.inertia * BEND * np.where(moves, arm.reach, 1.0))) / (2.0 * math.pi)
         return np.where(moves, np.maximum(least, needed), least)
 
-    def raised(self, bandwidth: Array, asked: Array) -> Array:
+    def raise_bandwidths(self, bandwidth: Array, asked: Array) -> Array:
         """Bandwidths (n,) raised from ``bandwidth`` towards ``asked`` (n,), Hz, as far as the margin lasts.
 
         The joint that is farthest from its aim is raised first, until it cannot be raised any more: the joints with the
@@ -318,10 +318,10 @@ class _LoopSearch:
                 free.remove(joint)
         return bandwidth
 
-    def good(self, found: LoopDesign) -> bool:
+    def good(self, loop: LoopDesign) -> bool:
         """Whether the loop is robust and the encoder steps do not shake the drives."""
         allowed = NOISE * np.maximum(self.arm.load, GENTLE * self.inertia)
-        return found.robust and (not self.arm.stepped or bool(np.all(found.noise <= allowed)))
+        return loop.robust and (not self.arm.stepped or bool(np.all(loop.noise <= allowed)))
 
     def possible(self, bandwidth: Array) -> bool:
         """Whether the fastest observer gives the margin with these bandwidths (n,), Hz, in the extreme postures."""
@@ -334,7 +334,7 @@ class _LoopSearch:
         controller, kp, kd = self.gains(bandwidth)
         speeds = np.sqrt(kp if isinstance(controller, ComputedTorque) else kp / self.inertia)
         octaves = _octaves(float(speeds.min()))
-        whole = self.sampled(octaves, False)
+        whole = self.sampled_arm(octaves, False)
         aim, margin = MARGIN, None
         for _ in range(3):  # the other postures may need a little more than the extreme ones
             observer, poles = self.observer(
@@ -356,7 +356,7 @@ class _LoopSearch:
 
     def enough(self, aim: float, octaves: int, kp: Array, kd: Array, tried: Observer) -> bool:
         """Whether these gains and the observer ``tried`` have the margin ``aim`` in the extreme postures."""
-        return self.sampled(octaves, True).meets(aim, tried.feedback(kp, kd))
+        return self.sampled_arm(octaves, True).meets(aim, tried.feedback(kp, kd))
 
     def gains(self, bandwidth: Array | None) -> tuple[ControlLaw, Array, Array]:
         """The controller of these bandwidths (n,), Hz, or of the stated gains, with its gains kp and kd (n,)."""
@@ -384,34 +384,34 @@ class _LoopSearch:
         if control.observer == "difference":
             return BackwardDifference(period), None
         if control.jerk is not None:
-            return self.filtered(np.array(control.jerk, dtype=float)), None
+            return self.observer_for_jerk(np.array(control.jerk, dtype=float)), None
         slow, fast = OBSERVER_SPEED * natural, FASTEST / period
-        if slow >= fast or enough(self.designed(slow)):
-            return self.designed(slow), slow
-        if not enough(self.designed(fast)):
-            return self.designed(fast), fast
+        if slow >= fast or enough(self.observer_with_poles(slow)):
+            return self.observer_with_poles(slow), slow
+        if not enough(self.observer_with_poles(fast)):
+            return self.observer_with_poles(fast), fast
         while fast > 1.05 * slow:
             middle = math.sqrt(slow * fast)
-            slow, fast = (slow, middle) if enough(self.designed(middle)) else (middle, fast)
-        return self.designed(fast), fast
+            slow, fast = (slow, middle) if enough(self.observer_with_poles(middle)) else (middle, fast)
+        return self.observer_with_poles(fast), fast
 
-    def designed(self, poles: float) -> DeviationFilter:
+    def observer_with_poles(self, poles: float) -> DeviationFilter:
         """The Kalman observer with the pole frequency ``poles`` (rad/s), faster where the reference jerks more.
 
         Readings of standard deviation R and a jerk of standard deviation Q give a filter of third order with its poles
         at ``(Q/R)^(1/3)``.
         """
         least = np.array([quantisation_variance(step) ** 0.5 for step in self.arm.resolution]) * poles**3
-        return self.filtered(np.maximum(self.arm.jerk, least))
+        return self.observer_for_jerk(np.maximum(self.arm.jerk, least))
 
-    def filtered(self, jerk: Array) -> DeviationFilter:
+    def observer_for_jerk(self, jerk: Array) -> DeviationFilter:
         """The Kalman observer for a jerk (n,) of this standard deviation, rad/s^3 (m/s^3)."""
         rows = [(step, max(float(top), 1e-3)) for step, top in zip(self.arm.resolution, jerk, strict=True)]
         period = self.arm.period
         designed = {row: kalman_matrices(period, quantisation_variance(row[0]), row[1] ** 2) for row in set(rows)}
         return DeviationFilter([designed[row].E for row in rows], [designed[row].k for row in rows])
 
-    def _sampled(self, octaves: int, extreme: bool) -> SampledArm:
+    def _sampled_arm(self, octaves: int, extreme: bool) -> SampledArm:
         """The sampled arm for loops of about ``2^octaves`` rad/s, in all compared postures or only the extreme ones."""
         arm, plant = self.arm, self.arm.plant
         postures = self.extreme if extreme else self.compared
@@ -434,7 +434,7 @@ def _slower(bandwidth: Array, floor: Array, steps: int) -> Iterator[Array]:
     yield from (held * STEP**k for k in range(1, steps))
 
 
-def _listed(values: Sequence[float]) -> str:
+def _in_words(values: Sequence[float]) -> str:
     """Numbers in words, a single one where they are all the same."""
     shown = [f"{value:.3g}" for value in values]
     return shown[0] if len(set(shown)) == 1 else ", ".join(shown)
@@ -445,9 +445,9 @@ def _octaves(natural: float) -> int:
     return 2 * math.floor(0.5 * math.log2(natural))
 
 
-def _rank(found: LoopDesign) -> tuple[bool, float]:
+def _rank(loop: LoopDesign) -> tuple[bool, float]:
     """How good a loop is that does not meet every aim: robust ones first, of these the quietest, then by the margin."""
-    return found.robust, (-float(found.noise.max()) if found.robust else found.margin.modulus)
+    return loop.robust, (-float(loop.noise.max()) if loop.robust else loop.margin.modulus)
 
 
 def _extreme(relative: Array) -> Array:

@@ -68,9 +68,9 @@ def simulate_response(
             f"{experiment.period:g} s"
         )
     filters = _filters(experiment, model)
-    found = [recorded_run(experiment, model, design, k, filters, progress)[0] for k in range(len(design.runs))]
+    signals = [recorded_run(experiment, model, design, k, filters, progress)[0] for k in range(len(design.runs))]
     i = design.joint
-    return found, sampled_controller(design.kp[i], design.kd[i], design.period, filters[i] if filters else None)
+    return signals, sampled_controller(design.kp[i], design.kd[i], design.period, filters[i] if filters else None)
 
 
 def response_margin(experiment: Experiment, model: Any, design: ResponseDesign) -> LoopMargin:
@@ -187,7 +187,7 @@ def expected_modes(experiment: Experiment, model: Any, joint: str | None = None)
     nothing is elastic or the section does not fit the robot.
     """
     plan, plant = response_plan(experiment, joint), plant_of(experiment, model)
-    i = plan.joint_index(tuple(each.name for each in model.spec.joints))
+    i = plan.joint_index(tuple(joint_spec.name for joint_spec in model.spec.joints))
     postures = plan.postures or ((0.0,) * model.n,)
     if any(len(posture) != model.n for posture in postures):
         raise InputError(f"postures of the section `response` need {model.n} joint positions")
@@ -205,8 +205,8 @@ def beside(models: Sequence[Resonating], computed: dict[str, list[ElasticMode]])
     rows = []
     for model in models:
         left = list(model.resonances)
-        for mode in sorted(computed[model.name], key=lambda each: -each.peak):
-            ratios = [abs(each.frequency / mode.frequency - 1.0) for each in left]
+        for mode in sorted(computed[model.name], key=lambda elastic_mode: -elastic_mode.peak):
+            ratios = [abs(resonance.frequency / mode.frequency - 1.0) for resonance in left]
             k = int(np.argmin(ratios)) if ratios else -1
             known = k >= 0 and ratios[k] < FARTHEST
             rows.append(

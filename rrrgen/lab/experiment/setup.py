@@ -47,9 +47,11 @@ def problem_of(experiment: Experiment, model: Any) -> ExcitationProblem:
     not say which torques a motion takes.
     """
     of_robot = limits_of(model.spec, torque=model.beta is not None and experiment.limits is None)
-    own = experiment.limits or ExcitationLimits()
-    missing = {each.name: getattr(of_robot, each.name) for each in fields(own) if getattr(own, each.name) is None}
-    return robot_problem(model, replace(own, **missing), sample_period=experiment.period, **experiment.excitation)
+    limits = experiment.limits or ExcitationLimits()
+    missing = {
+        limit.name: getattr(of_robot, limit.name) for limit in fields(limits) if getattr(limits, limit.name) is None
+    }
+    return robot_problem(model, replace(limits, **missing), sample_period=experiment.period, **experiment.excitation)
 
 
 def writing_path(experiment: Experiment, model: Any) -> JointPath:
@@ -163,7 +165,7 @@ def flexible_joints_of(experiment: Experiment, model: Any) -> dict[str, Any] | N
     stated = experiment.virtual_robot.get("flexible_joints")
     if stated != FROM_ROBOT:
         return None if stated is None else dict(stated)
-    found: dict[str, Any] = {}
+    flexible_joints: dict[str, Any] = {}
     keys = (("rotor_inertia", "inertia", None), ("stiffness", "stiffness", None), ("damping", "damping", 0.0))
     for name, key, missing in keys:
         values, absent = stated_at_joints(model.spec, key, missing)
@@ -172,8 +174,8 @@ def flexible_joints_of(experiment: Experiment, model: Any) -> dict[str, Any] | N
                 f"flexible_joints: {FROM_ROBOT} needs '{key}' under 'drive' of every joint of the robot file; it is "
                 f"missing for {', '.join(absent)}"
             )
-        found[name] = tuple(values)
-    return found
+        flexible_joints[name] = tuple(values)
+    return flexible_joints
 
 
 def friction_of(experiment: Experiment, model: Any) -> Any:

@@ -47,7 +47,7 @@ class Line:
         tangent = np.broadcast_to((b - a) / self.length, (s.size, 2))
         return a + s[:, None] * tangent, tangent, np.zeros((s.size, 2))
 
-    def placed(self, scale: float, shift: Point) -> Line:
+    def place(self, scale: float, shift: Point) -> Line:
         """The piece scaled about the origin, then shifted."""
         return Line(_place(self.start, scale, shift), _place(self.end, scale, shift))
 
@@ -87,7 +87,7 @@ class Arc:
         tangent = turn * np.column_stack([-np.sin(angle), np.cos(angle)])
         return np.array(self.centre) + self.radius * outward, tangent, -outward / self.radius
 
-    def placed(self, scale: float, shift: Point) -> Arc:
+    def place(self, scale: float, shift: Point) -> Arc:
         """The piece scaled about the origin, then shifted."""
         return Arc(_place(self.centre, scale, shift), scale * self.radius, self.begin, self.sweep)
 
@@ -180,7 +180,7 @@ def text_path(text: str, corner: Point, size: Point, spacing: float = 0.25) -> t
     for k, letter in enumerate(text):
         shift = (origin[0] + scale * k * advance, origin[1])
         for stroke in LETTERS.get(letter, ()):
-            placed = [segment.placed(scale, shift) for segment in stroke]
+            placed = [segment.place(scale, shift) for segment in stroke]
             if path and math.dist(path[-1][0].end, placed[0].start) > 1e-9 * scale:
                 path.append((Line(path[-1][0].end, placed[0].start), False))
             path += [(segment, True) for segment in placed]
@@ -350,11 +350,11 @@ def newton_inverse_kinematics(
 
     def solve(positions: Array) -> Array:
         q = np.array(start, dtype=float)
-        found = np.zeros((len(positions), q.size))
+        joint_positions = np.zeros((len(positions), q.size))
         for k, target in enumerate(np.asarray(positions, dtype=float)):
             q = _newton(model, q, target, tolerance, iterations)
-            found[k] = q
-        return found
+            joint_positions[k] = q
+        return joint_positions
 
     return solve
 
@@ -407,11 +407,11 @@ def follow_branch(
     if not reachable.all():
         raise DerivationError(f"point {int(np.argmin(reachable))} of the path is out of reach")
     last = paths[0, int(np.argmax(valid[0]))] if start is None else np.asarray(start, dtype=float)
-    found = np.zeros((paths.shape[0], paths.shape[2]))
+    branch = np.zeros((paths.shape[0], paths.shape[2]))
     turn = 2.0 * np.pi * np.asarray([True] * paths.shape[2] if revolute is None else revolute)
     for k in range(paths.shape[0]):
         candidates = paths[k][np.asarray(valid[k])]
         candidates = candidates + turn * np.round((last - candidates) / (2.0 * np.pi))
         last = candidates[int(np.argmin(np.linalg.norm(candidates - last, axis=1)))]
-        found[k] = last
-    return found
+        branch[k] = last
+    return branch

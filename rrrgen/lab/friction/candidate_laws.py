@@ -139,20 +139,20 @@ class Candidate:
         theta[logs] = np.exp(theta[logs])
         return theta
 
-    def settled(self, theta: Array) -> Array:
+    def balance_coulomb(self, theta: Array) -> Array:
         """The parameters ``theta`` (k,), with equal Coulomb torques of both directions where these are a convention.
 
         Beside a constant force, as at a prismatic joint, only their sums with it can be estimated.
         """
         if self.gravity != 1 or self.name != "asymmetric":
             return theta
-        found, (up, down) = theta.copy(), (self.names.index(name) for name in ("coulomb_p", "coulomb_n"))
+        parameters, (up, down) = theta.copy(), (self.names.index(name) for name in ("coulomb_p", "coulomb_n"))
         mean = 0.5 * (theta[up] + theta[down])
-        found[1] += theta[up] - mean
-        found[up] = found[down] = mean
-        return found
+        parameters[1] += theta[up] - mean
+        parameters[up] = parameters[down] = mean
+        return parameters
 
-    def clipped(self, theta: Array) -> Array:
+    def clip(self, theta: Array) -> Array:
         """The parameters ``theta`` (k,), each moved to the nearest value within its bounds."""
         bounds = [BOUNDS.get(name, (-np.inf, np.inf)) for name in self.names]
         return np.array([np.clip(v, low, high) for v, (low, high) in zip(theta, bounds, strict=True)])

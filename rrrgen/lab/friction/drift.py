@@ -65,33 +65,33 @@ class Drift:
     def _cause(self) -> str:
         return " with the energy that it has dissipated" if self.over == "energy" else ""
 
-    def removed(self, data: JointData) -> JointData:
+    def remove_from(self, data: JointData) -> JointData:
         """The recording ``data`` as it would be with the friction of its middle."""
         dq = data.motion[1]
-        s = elapsed(data) if self.over == "time" else dissipated(data, self.mean_viscous, self.mean_coulomb)
+        s = centred_time(data) if self.over == "time" else dissipated_energy(data, self.mean_viscous, self.mean_coulomb)
         sliding = np.clip(dq / data.slow, -1.0, 1.0)  # the direction of sliding, uncertain in slow motion
         return replace(data, u=data.u - s * (self.viscous * dq + self.coulomb * sliding))
 
-    def added(self, std: Mapping[str, float]) -> dict[str, float]:
+    def widen_std(self, std: Mapping[str, float]) -> dict[str, float]:
         """Deviations ``std`` of the parameters of a law, name -> value, with those of the drift at either end."""
-        own = {"viscous": self.viscous_std, "coulomb": self.coulomb_std}
-        return {name: float(np.hypot(value, 0.5 * own.get(name[:7], 0.0))) for name, value in std.items()}
+        drift_std = {"viscous": self.viscous_std, "coulomb": self.coulomb_std}
+        return {name: float(np.hypot(value, 0.5 * drift_std.get(name[:7], 0.0))) for name, value in std.items()}
 
     def to_json(self) -> dict[str, float]:
         """Changes from beginning to end with their deviations, and what they explain, as plain data."""
         return asdict(self)
 
 
-def elapsed(data: JointData) -> Array:
+def centred_time(data: JointData) -> Array:
     """The time (N,) of the samples of ``data``, from -1/2 to 1/2."""
     return np.asarray(np.arange(len(data.q)) / len(data.q) - 0.5)
 
 
-def dissipated(data: JointData, viscous: float, coulomb: float) -> Array:
+def dissipated_energy(data: JointData, viscous: float, coulomb: float) -> Array:
     """The energy (N,) that viscous and Coulomb friction have dissipated up to every sample, from -1/2 to 1/2."""
     speed = np.abs(data.motion[1])
     energy = np.cumsum(max(viscous, 0.0) * speed**2 + max(coulomb, 0.0) * speed)
-    return np.asarray(energy / energy[-1] - 0.5) if energy[-1] > 0.0 else elapsed(data)
+    return np.asarray(energy / energy[-1] - 0.5) if energy[-1] > 0.0 else centred_time(data)
 
 
 def friction_drift(data: JointData, gravity: int, delay: float) -> Drift | None:
@@ -104,9 +104,9 @@ def friction_drift(data: JointData, gravity: int, delay: float) -> Drift | None:
     alone = SlidingModel.of(data, gravity, delay)
     if alone is None:
         return None
-    by_time = _drifting(alone, data, elapsed(data))
+    by_time = _drifting(alone, data, centred_time(data))
     viscous, coulomb = by_time.x[[0, 1]]
-    by_energy = _drifting(alone, data, dissipated(data, float(viscous), float(coulomb)))
+    by_energy = _drifting(alone, data, dissipated_energy(data, float(viscous), float(coulomb)))
     lead = by_time.held_out() - by_energy.held_out()
     ahead = float(np.mean(lead)) > AHEAD * float(np.std(lead, ddof=1)) / np.sqrt(len(lead))
     model = by_energy if ahead else by_time

@@ -23,10 +23,10 @@ from rrrgen.lab.friction.multiple_shooting import (
     Noise,
     ShootingFit,
     best_start,
+    bootstrap,
     fit,
     likely_noise,
     make_noise,
-    resampled,
     rigid_limit,
     window_losses,
 )
@@ -58,30 +58,30 @@ DETERMINED_BY = {
 
 def notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
     """Sentences on what the recording ``data`` of a joint determines poorly about the ``chosen`` law, or not at all."""
-    found = []
+    sentences = []
     if chosen.torque_error > UNEXPLAINED:
-        found.append(
+        sentences.append(
             f"no law fits well: {100 * chosen.torque_error:.0f} % of the torque in sliding remain unexplained; check "
             "that the other joints stand still, and look for torque ripple, backlash or a limit cycle in the recording"
         )
     elif chosen.score.held_out > MISFIT:
-        found.append(
+        sentences.append(
             f"errors on windows that were not fitted are {chosen.score.held_out:.2g} times the noise: {chosen.name} is "
             "the best law tried, but does not describe rest and reversals; add slow reversals, which determine the law"
         )
     elif chosen.score.held_out > LEFT:
-        found.append(
+        sentences.append(
             f"errors on windows that were not fitted are {chosen.score.held_out:.3g} times the noise: something is "
             f"left that {chosen.name} does not describe, such as torque ripple or a flexible joint (`rrrgen experiment "
             "elastic-joints` estimates it); it can hide a part of the friction, which the deviations do not count"
         )
     if chosen.std["inertia"] > HARDLY * chosen.values["inertia"]:
-        found.append("inertia is hardly determined: the joint accelerates too little; add a fast multisine")
+        sentences.append("inertia is hardly determined: the joint accelerates too little; add a fast multisine")
     if "stribeck_speed" in chosen.values:
         slow = data.sliding & (np.abs(data.motion[1]) < chosen.values["stribeck_speed"])
         seconds = float(np.count_nonzero(slow)) * data.period
         if seconds < EXTRAPOLATED:
-            found.append(
+            sentences.append(
                 f"the joint slides below the Stribeck speed for {seconds:.2g} s only: stiction_excess is extrapolated, "
                 "and its deviation a lower bound; add slow reversals"
             )
@@ -90,8 +90,8 @@ def notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
         # viscous friction may be next to none: then its torque has to be uncertain, too
         matters = "viscous" not in name or std * data.speed > SMALL * chosen.break_away
         if value is not None and std > UNCERTAIN * abs(value) and matters:
-            found.append(f"{name} is hardly determined ({value:.3g} +- {std:.2g}): {advice}")
-    return (*found, *_bristles(chosen, data), *_ambiguities(chosen))
+            sentences.append(f"{name} is hardly determined ({value:.3g} +- {std:.2g}): {advice}")
+    return (*sentences, *_bristles(chosen, data), *_ambiguities(chosen))
 
 
 def _bristles(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
@@ -308,7 +308,7 @@ def estimate_friction(
     drift = friction_drift(data, max(gravity, 1), delay)
     drift = None if drift is None or not drift.is_certain else drift
     if drift is not None:
-        data = drift.removed(data)
+        data = drift.remove_from(data)
     tell(0, 0, "torque ripple")
     ripples = find_ripples(data, max(gravity, 1), delay, revolute)
     if ripples:
@@ -316,20 +316,20 @@ def estimate_friction(
     started = {law.name: start_values(law, data, delay) for law in laws}
     _check_start(list(started.values()), data)
     least = {name: theta for name, (theta, _) in started.items()}
-    filtered = _filtered(laws, least, data, tell)
+    filtered = _refine_by_kalman(laws, least, data, tell)
     work = _OutputError(laws, data, growth_rate(data, max(gravity, 1), delay), tell)
-    full = work.fitted({law.name: (filtered[law.name], least[law.name]) for law in laws})
+    full = work.fit_laws({law.name: (filtered[law.name], least[law.name]) for law in laws})
     inside = work.without_folds(full)
-    sigma = min(each.sigma for each in full.values())
+    sigma = min(shooting.sigma for shooting in full.values())
     estimates, scores = [], []
     for k, law in enumerate(laws):
         tell(k, len(laws), f"held-out error, {law.name}")
         scores.append(score(full[law.name], inside[law.name], work.whole, sigma))
         estimates.append(_estimate(full[law.name], scores[-1], work.windows(law), filtered[law.name], data, seed))
     best = choose(scores, work.whole.block)
-    if _unresolved(full[laws[best].name], data):
+    if _has_unresolved_bristles(full[laws[best].name], data):
         rigid = next(k for k, law in enumerate(laws) if law.name == "stribeck")
-        limit = [rigid_limit(each, laws[rigid]) for each in (full[laws[best].name], *inside[laws[best].name])]
+        limit = [rigid_limit(shooting, laws[rigid]) for shooting in (full[laws[best].name], *inside[laws[best].name])]
         rating = score(limit[0], limit[1:], work.whole, sigma)
         estimates[rigid] = _without_bristles(estimates[best], estimates[rigid], limit[0], rating)
         scores[rigid] = rating
@@ -340,7 +340,7 @@ def estimate_friction(
     _check(chosen, data)
     largest = chosen.values["inertia"] * (2.0 * np.pi * FASTEST / data.period) ** 2
     if drift is not None:
-        estimates = [replace(each, std=drift.added(each.std)) for each in estimates]
+        estimates = [replace(estimate, std=drift.widen_std(estimate.std)) for estimate in estimates]
         chosen = estimates[best]
     remarks = (
         *(() if drift is None else (drift.sentence,)),
@@ -371,7 +371,7 @@ class _OutputError:
     def _noise(self, ratio: float) -> Noise:
         return make_noise(len(self.sliding.measured), self.sliding.period * self.sliding.stride, ratio)
 
-    def fitted(self, starts: dict[str, tuple[Array, ...]]) -> dict[str, ShootingFit]:
+    def fit_laws(self, starts: dict[str, tuple[Array, ...]]) -> dict[str, ShootingFit]:
         """Fit all laws to the windows; returns the fits by the name of the law.
 
         ``starts`` holds for each law several initial parameter vectors (k,), of which the best is used. A few
@@ -382,7 +382,7 @@ class _OutputError:
             self.tell(k, 2 * len(self.laws), f"output error, {law.name}")
             better = best_start(law, starts[law.name], self.sliding, self.noise)
             first[law.name] = fit(law, better, self.sliding, self.noise, iterations=FIRST_ITERATIONS)
-        best = min(first.values(), key=lambda each: float(np.sum(each.cost)) * each.sigma**2)
+        best = min(first.values(), key=lambda shooting: float(np.sum(shooting.cost)) * shooting.sigma**2)
         self.noise = likely_noise(best, self.sliding)
         full: dict[str, ShootingFit] = {}
         for k, law in enumerate(self.laws):
@@ -400,7 +400,7 @@ class _OutputError:
 
         ``full`` holds the fits to all windows, from which the refits start; returns the refits by law name.
         """
-        found: dict[str, list[ShootingFit]] = {law.name: [] for law in self.laws}
+        refits: dict[str, list[ShootingFit]] = {law.name: [] for law in self.laws}
         for fold in range(FOLDS):
             for law in self.laws:
                 before, windows = full[law.name], self.windows(law)
@@ -408,8 +408,8 @@ class _OutputError:
                 again = fit(
                     law, before.theta, windows.of(kept), self.noise, start=before.start[:, kept], iterations=REFITTED
                 )
-                found[law.name].append(again)
-        return found
+                refits[law.name].append(again)
+        return refits
 
     def windows(self, law: Candidate) -> Windows:
         """The windows to which ``law`` is fitted: all for a law with bristles, otherwise those in sliding."""
@@ -424,12 +424,12 @@ class _OutputError:
         known = dict(zip(sliding.candidate.names, sliding.theta, strict=True))
         tried = []
         for start in starts:
-            own = dict(zip(law.names, start, strict=True)) | known
+            parameters = dict(zip(law.names, start, strict=True)) | known
             for factor, ratio in product(STIFFNESS_FACTORS, DAMPING_RATIOS):
-                stiffness = factor * own["sigma0"]
-                damping = 2.0 * ratio * float(np.sqrt(stiffness * own["inertia"]))
+                stiffness = factor * parameters["sigma0"]
+                damping = 2.0 * ratio * float(np.sqrt(stiffness * parameters["inertia"]))
                 bristles = {"sigma0": stiffness, "sigma1": damping}
-                tried.append(law.clipped(np.array([(own | bristles)[name] for name in law.names])))
+                tried.append(law.clip(np.array([(parameters | bristles)[name] for name in law.names])))
         better = best_start(law, tried, self.whole, self.noise)
         return fit(law, better, self.whole, self.noise, held=tuple(known), iterations=BRISTLES)
 
@@ -438,77 +438,90 @@ class _OutputError:
         return [law for law in self.laws if law.name != "lugre"]
 
 
-def _filtered(laws: Sequence[Candidate], starts: dict[str, Array], data: JointData, tell: Progress) -> dict[str, Array]:
+def _refine_by_kalman(
+    laws: Sequence[Candidate], starts: dict[str, Array], data: JointData, tell: Progress
+) -> dict[str, Array]:
     """Refine the parameters ``starts`` (law name -> (k,)) of all ``laws`` by the extended Kalman filter.
 
     The filter has no bristle state: the LuGre law gets the result of the Stribeck law, which is its friction in
     sliding, and keeps the initial stiffness and damping of its bristles.
     """
     static = [law for law in laws if law.name != "lugre"]
-    found = kalman_estimates(
+    estimates = kalman_estimates(
         static,
         [starts[law.name] for law in static],
         data,
         lambda done, total: tell(done, total, "Kalman filter"),
     )
-    values = {law.name: result for law, result in zip(static, found, strict=True)}
+    values = {law.name: result for law, result in zip(static, estimates, strict=True)}
     for law in laws:
         if law.name == "lugre":
-            own = dict(zip(law.names, starts["lugre"], strict=True))
-            sliding = next(each for each in static if each.name == "stribeck")
-            own |= dict(zip(sliding.names, values["stribeck"], strict=True))
-            values["lugre"] = law.clipped(np.array([own[name] for name in law.names]))
+            parameters = dict(zip(law.names, starts["lugre"], strict=True))
+            sliding = next(candidate for candidate in static if candidate.name == "stribeck")
+            parameters |= dict(zip(sliding.names, values["stribeck"], strict=True))
+            values["lugre"] = law.clip(np.array([parameters[name] for name in law.names]))
     return values
 
 
 def _estimate(
-    found: ShootingFit,
+    shooting: ShootingFit,
     rating: LawScore,
     windows: Windows,
     kalman: Array,
     data: JointData,
     seed: int,
 ) -> LawEstimate:
-    law = found.candidate
-    spread = resampled(found, windows.block, seed)
-    drawn = [reported(law, each, data.period) for each in spread.T]
-    values = reported(law, found.theta, data.period)
-    std = {name: _deviation(np.array([each[name] for each in drawn]), name) for name in values}
+    law = shooting.candidate
+    spread = bootstrap(shooting, windows.block, seed)
+    drawn = [reported_values(law, theta, data.period) for theta in spread.T]
+    values = reported_values(law, shooting.theta, data.period)
+    std = {name: _deviation(np.array([draw[name] for draw in drawn]), name) for name in values}
     # a relative error of the simulated torque also shifts what may be zero: offset, angle of gravity, delay
     scale = {"offset": float(rms(data.u)), "gravity_angle": 1.0, DELAY: data.period}
-    std = {name: float(np.hypot(own, DISCRETE * scale.get(name, abs(values[name])))) for name, own in std.items()}
-    samples = sliding_samples(data, float(found.theta[-1]))
-    model = found.theta[0] * samples.ddq + law.gravity_torque(samples.q, found.theta)
-    error = samples.tau - model - law.torque(samples.dq, found.theta)
+    std = {
+        name: float(np.hypot(deviation, DISCRETE * scale.get(name, abs(values[name]))))
+        for name, deviation in std.items()
+    }
+    samples = sliding_samples(data, float(shooting.theta[-1]))
+    model = shooting.theta[0] * samples.ddq + law.gravity_torque(samples.q, shooting.theta)
+    error = samples.tau - model - law.torque(samples.dq, shooting.theta)
     relative = float(np.linalg.norm(error) / np.linalg.norm(samples.tau))
-    return LawEstimate(law, law.settled(found.theta), values, std, rating, reported(law, kalman, data.period), relative)
+    return LawEstimate(
+        law,
+        law.balance_coulomb(shooting.theta),
+        values,
+        std,
+        rating,
+        reported_values(law, kalman, data.period),
+        relative,
+    )
 
 
-def reported(law: Candidate, theta: Array, period: float) -> dict[str, float]:
+def reported_values(law: Candidate, theta: Array, period: float) -> dict[str, float]:
     """Parameters as they are reported, name -> value in SI: gravity as magnitude and angle, the delay in seconds.
 
     ``theta`` (k,) are those of the model ``law``, ``period`` is the sampling period (s).
     """
-    given = dict(zip(law.names, law.settled(theta).tolist(), strict=True))
-    found = {"inertia": given["inertia"]}
+    given = dict(zip(law.names, law.balance_coulomb(theta).tolist(), strict=True))
+    values = {"inertia": given["inertia"]}
     if law.gravity >= 2:
         cos, sin = given["gravity_cos"], given["gravity_sin"]
-        found |= {"gravity": float(np.hypot(cos, sin)), "gravity_angle": float(np.arctan2(sin, cos))}
+        values |= {"gravity": float(np.hypot(cos, sin)), "gravity_angle": float(np.arctan2(sin, cos))}
     if law.constant_coefficient is not None:
-        found[law.constant] = given[law.constant_coefficient]
-    found |= {name: given[name] for name in law.law_names}
-    found["delay"] = given[DELAY] * period
-    return found
+        values[law.constant] = given[law.constant_coefficient]
+    values |= {name: given[name] for name in law.law_names}
+    values["delay"] = given[DELAY] * period
+    return values
 
 
-def _unresolved(found: ShootingFit, data: JointData) -> bool:
+def _has_unresolved_bristles(shooting: ShootingFit, data: JointData) -> bool:
     """Whether bristles are so stiff that the joint oscillates on them too fast for the sampling rate.
 
     Then the recording cannot tell them from rigid ones, and the law is that of its sliding friction.
     """
-    if not found.candidate.has_bristles:
+    if not shooting.candidate.has_bristles:
         return False
-    given = dict(zip(found.candidate.names, found.theta.tolist(), strict=True))
+    given = dict(zip(shooting.candidate.names, shooting.theta.tolist(), strict=True))
     return float(np.sqrt(given["sigma0"] / given["inertia"])) * data.period > 2.0 * np.pi * FASTEST
 
 
@@ -538,7 +551,7 @@ def _check_start(started: Sequence[tuple[Array, float]], data: JointData) -> Non
 
     ``started`` holds, for every law, the least-squares parameters and the relative torque error.
     """
-    theta, error = min(started, key=lambda each: each[1])
+    theta, error = min(started, key=lambda start: start[1])
     if error > UNRELATED or theta[0] <= LEAST_INERTIA:
         what = f"inertia, gravity and friction explain {100 * max(0.0, 1.0 - error):.0f} % of the torque"
         what += " with a negative inertia" if theta[0] <= LEAST_INERTIA else ""
@@ -598,16 +611,16 @@ def score(full: ShootingFit, inside: Sequence[ShootingFit], windows: Windows, si
     ``full`` is the fit of the law to all windows; ``inside`` holds one fit per fold, which leaves this fold out.
     """
     losses, folds = np.empty(len(windows)), fold_of(windows)
-    for fold, found in enumerate(inside):
+    for fold, refit in enumerate(inside):
         out = folds == fold
-        losses[out] = window_losses(found.candidate, found.theta, windows.of(out), found.noise, sigma)
-    own = window_losses(full.candidate, full.theta, windows, full.noise, sigma)
+        losses[out] = window_losses(refit.candidate, refit.theta, windows.of(out), refit.noise, sigma)
+    full_losses = window_losses(full.candidate, full.theta, windows, full.noise, sigma)
     N, k = windows.points, len(full.theta)
     return LawScore(
         law=full.candidate.name,
         parameters=k,
         held_out=float(np.sqrt(np.sum(losses) / N)),
-        bic=float(N * np.log(np.sum(own) / N) + k * np.log(N)),
+        bic=float(N * np.log(np.sum(full_losses) / N) + k * np.log(N)),
         losses=losses,
     )
 

@@ -45,8 +45,8 @@ def sliding_samples(data: JointData, delay: float) -> SlidingSamples:
     """
     torque = np.empty_like(data.u)
     for first, last in data.stretches:
-        own = Torque(data.smoothed[first:last], np.arange(last - first))
-        torque[first:last] = own.centred(np.array([[delay]]))[0]
+        stretch = Torque(data.smoothed[first:last], np.arange(last - first))
+        torque[first:last] = stretch.centred_torque(np.array([[delay]]))[0]
     chosen = np.flatnonzero(data.sliding)
     chosen = chosen[:: max(1, len(chosen) // MOST_SAMPLES)]
     q, dq, ddq = (part[chosen] for part in data.motion)
@@ -79,7 +79,7 @@ def start_values(candidate: Candidate, data: JointData, delay: float) -> tuple[A
         values["sigma1"] = float(np.sqrt(values["sigma0"] * inertia))
     values[DELAY] = delay
     theta = np.array([values[name] for name in candidate.names])
-    return candidate.clipped(theta), error / float(np.linalg.norm(samples.tau))
+    return candidate.clip(theta), error / float(np.linalg.norm(samples.tau))
 
 
 def growth_rate(data: JointData, gravity: int, delay: float) -> Array:
@@ -106,27 +106,27 @@ def _law_start(
     s, v = np.sign(samples.dq), samples.dq
     names = ["inertia", *GRAVITY][: len(rigid)]
     if law == "coulomb_viscous":
-        return _named([*names, "coulomb", "viscous"], [*rigid, s, v], samples.tau)
+        return _fit([*names, "coulomb", "viscous"], [*rigid, s, v], samples.tau)
     if law == "asymmetric":
         up, down = (s > 0).astype(float), (s < 0).astype(float)
         columns = [*rigid, v * up, v * down, up, -down]
-        return _named([*names, "viscous_p", "viscous_n", "coulomb_p", "coulomb_n"], columns, samples.tau)
+        return _fit([*names, "viscous_p", "viscous_n", "coulomb_p", "coulomb_n"], columns, samples.tau)
     if law == "neural":
-        found = [
-            (_named([*names, "f1", "f2", "f3", "viscous"], [*rigid, *(np.tanh(w * v) for w in ws), v], samples.tau), ws)
+        fits = [
+            (_fit([*names, "f1", "f2", "f3", "viscous"], [*rigid, *(np.tanh(w * v) for w in ws), v], samples.tau), ws)
             for ws in combinations(STEEPNESS / scale, 3)
         ]
-        (values, error), ws = min(found, key=lambda each: each[0][1])
+        (values, error), ws = min(fits, key=lambda fit: fit[0][1])
         return values | {f"w{k + 1}": float(w) for k, w in enumerate(ws)}, error
     tried = []
     for speed in SPEEDS * scale:
         columns = [*rigid, s * np.exp(-((v / speed) ** 2)), s, v]
-        values, error = _named([*names, "stiction_excess", "coulomb", "viscous"], columns, samples.tau)
+        values, error = _fit([*names, "stiction_excess", "coulomb", "viscous"], columns, samples.tau)
         tried.append((values | {"stribeck_speed": float(speed)}, error))
-    return min(tried, key=lambda each: each[1])
+    return min(tried, key=lambda trial: trial[1])
 
 
-def _named(names: Sequence[str], columns: Sequence[Array], tau: Array) -> tuple[dict[str, float], float]:
+def _fit(names: Sequence[str], columns: Sequence[Array], tau: Array) -> tuple[dict[str, float], float]:
     values, error = _solve(columns, tau)
     return dict(zip(names, values.tolist(), strict=True)), error
 

@@ -62,8 +62,8 @@ class JointData:
         parts = []
         for first, last in self.stretches:
             t = np.arange(last - first) * self.period
-            found = Butterworth(cutoff)(t, self.q[first:last, None])
-            parts.append(np.column_stack([found.q, found.dq, found.ddq]))
+            motion = Butterworth(cutoff)(t, self.q[first:last, None])
+            parts.append(np.column_stack([motion.q, motion.dq, motion.ddq]))
         q, dq, ddq = np.concatenate(parts).T
         return q, dq, ddq
 
@@ -109,8 +109,8 @@ class JointData:
         ``growth`` (N,) is the rate, 1/s, at which an error of the state grows because friction falls with the speed.
         The low-pass filter, which gives the initial states, rounds off reversals: they are less certain here.
         """
-        found = self._tiled(self.usable, growth)
-        return replace(found, q0_std=ROUGH * found.q0_std, v0_std=ROUGH * found.v0_std)
+        windows = self._tile(self.usable, growth)
+        return replace(windows, q0_std=ROUGH * windows.q0_std, v0_std=ROUGH * windows.v0_std)
 
     def sliding_windows(self, growth: Array) -> Windows:
         """Windows in which the joint slides in one direction without sticking.
@@ -118,10 +118,10 @@ class JointData:
         Positions simulated over such a window are smooth functions of the parameters. ``growth`` (N,) is the rate, 1/s,
         at which an error of the state grows.
         """
-        found = self._tiled(self.sliding, growth)
-        return replace(found, direction=np.sign(found.v0))
+        windows = self._tile(self.sliding, growth)
+        return replace(windows, direction=np.sign(windows.v0))
 
-    def _tiled(self, allowed: NDArray[np.bool_], growth: Array) -> Windows:
+    def _tile(self, allowed: NDArray[np.bool_], growth: Array) -> Windows:
         """Cut the samples with ``allowed`` (N,) True into windows of at most 0.2 s in fast and 0.06 s in slow motion.
 
         Windows are shorter, too, where friction that falls with the speed makes the motion unstable: there an error of
@@ -193,7 +193,7 @@ def recorded_joint(spec: Any, recording: LogMapping | Log, joint: str) -> Record
     The recording, or its mapping, may hold all joints of the robot or only some, ``joint`` among them.
     Raises :class:`InputError` if names or units of the recording do not match the robot.
     """
-    names = [each.name for each in spec.joints]
+    names = [joint_spec.name for joint_spec in spec.joints]
     if joint not in names:
         raise InputError(f"robot '{spec.name}' has no joint '{joint}'; its joints are {', '.join(names)}")
     recorded = recording.joints if isinstance(recording, Log) else recording.names
@@ -272,9 +272,9 @@ def joint_data(log: Any, joint: str, resolution: float | None = None) -> JointDa
             f"the torque of joint '{joint}' is constant or unknown in the whole recording: check that its column is "
             "the measured torque"
         )
-    found = JointData(joint, period, q, u, usable, tuple(stretches), encoder_step(q, resolution))
-    _check_motion(found)
-    return found
+    data = JointData(joint, period, q, u, usable, tuple(stretches), encoder_step(q, resolution))
+    _check_motion(data)
+    return data
 
 
 def resting_record(log: Any, joint: str) -> ResponseRecording:

@@ -49,7 +49,7 @@ class Torque:
     samples: Array
     starts: NDArray[np.int64]
 
-    def held(self, step: int, delay: Array) -> Array:
+    def held_torque(self, step: int, delay: Array) -> Array:
         """Torque (C, S) during sampling period number ``step`` of each window, delayed by ``delay`` (C, 1) periods.
 
         A fractional delay interpolates between two periods.
@@ -61,9 +61,9 @@ class Torque:
         first, second = np.clip(low, 0, last), np.clip(low + 1, 0, last)
         return np.asarray((1.0 - weight) * self.samples[first] + weight * self.samples[second])
 
-    def centred(self, delay: Array) -> Array:
+    def centred_torque(self, delay: Array) -> Array:
         """Torque (C, S) at the start of each window: the mean of the values held before and after that time."""
-        return 0.5 * (self.held(0, delay) + self.held(-1, delay))
+        return 0.5 * (self.held_torque(0, delay) + self.held_torque(-1, delay))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ class Windows:
 
     def of(self, chosen: NDArray[Any]) -> Windows:
         """The ``chosen`` windows, given by a mask (S,) or by their numbers."""
-        torque, smoothed = (replace(each, starts=each.starts[chosen]) for each in (self.torque, self.smoothed))
+        torque, smoothed = (replace(signal, starts=signal.starts[chosen]) for signal in (self.torque, self.smoothed))
         return replace(
             self, torque=torque, smoothed=smoothed, measured=self.measured[:, chosen],
             q0=self.q0[chosen], v0=self.v0[chosen], a0=self.a0[chosen],
@@ -179,7 +179,7 @@ class JointSimulation:
         the end of a window are 0.
         """
         count, points, columns = len(windows), len(windows.measured), len(seeds)
-        found, rows = np.zeros((count, points)), np.zeros((count, points, columns))
+        positions, rows = np.zeros((count, points)), np.zeros((count, points, columns))
         steps, slow = self._steps(theta, windows.period)
         reals = [
             windows.torque.samples,
@@ -187,17 +187,17 @@ class JointSimulation:
             *(theta, np.array([windows.period, slow]), start.T),
             np.zeros((count, self.n, columns)) if slopes is None else slopes.transpose(2, 0, 1),
         ]
-        u, d, parameters, settings, x, S = (self._doubles(each) for each in reals)
+        u, d, parameters, settings, x, S = (self._doubles(array) for array in reals)
         first, periods, counts, chosen = (
-            self._ffi.from_buffer("int[]", np.ascontiguousarray(each, np.int32))
-            for each in (windows.torque.starts, windows.lengths, [windows.stride, *steps, points], [*seeds, -1])
+            self._ffi.from_buffer("int[]", np.ascontiguousarray(integers, np.int32))
+            for integers in (windows.torque.starts, windows.lengths, [windows.stride, *steps, points], [*seeds, -1])
         )
         derivatives = self._doubles(rows) if columns else self._ffi.NULL
         self._lib.joint_simulate(
             u, len(windows.torque.samples), first, periods, d, count, parameters, settings, counts, chosen, columns,
-            x, S, self._doubles(found), derivatives,
+            x, S, self._doubles(positions), derivatives,
         )  # fmt: skip
-        return found.T, rows.transpose(1, 2, 0)
+        return positions.T, rows.transpose(1, 2, 0)
 
     def _doubles(self, values: Array) -> Any:
         return self._ffi.from_buffer("double[]", np.ascontiguousarray(values, float))
@@ -330,7 +330,7 @@ def _on_bristles(joint: _Joint, x: Sequence[Any], u: Any, h: Any) -> list[Any]:
     b, (q, v, z) = joint.builder, x
     law = joint.candidate.law
     values = joint.candidate.law_values(joint.theta)
-    given = dict(zip((each.name for each in law.parameters), values, strict=True))
+    given = dict(zip((parameter.name for parameter in law.parameters), values, strict=True))
     s0, viscous = given["sigma0"], given["viscous"]
     assert law.bristles is not None
     inertia = joint.J / h

@@ -45,17 +45,17 @@ def kalman_estimates(
     ``starts`` are the initial parameters (k,) of each law; a law whose filter diverges keeps them. ``data`` is the
     recording. ``tell(done, total)`` is called with the number of laws.
     """
-    found = []
+    estimates = []
     for done, (law, start) in enumerate(zip(laws, starts, strict=True)):
         if tell is not None:
             tell(done, len(laws))
-        theta = _filtered(law, start, data)
+        theta = _filter_recording(law, start, data)
         lost = theta is None or not abs(math.log(theta[0] / start[0])) < DIVERGED
-        found.append(start if theta is None or lost else law.clipped(theta))
-    return found
+        estimates.append(start if theta is None or lost else law.clip(theta))
+    return estimates
 
 
-def _filtered(law: Candidate, start: Array, data: JointData) -> Array | None:
+def _filter_recording(law: Candidate, start: Array, data: JointData) -> Array | None:
     """Parameters (k,) of ``law`` after one pass over the recording, None if the filter diverged.
 
     The state is ``[q, v, parameters]`` without the delay, which keeps its initial value.
@@ -83,9 +83,9 @@ def _filtered(law: Candidate, start: Array, data: JointData) -> Array | None:
         x[:2] = [part[first] for part in data.motion[:2]]
         P[:2], P[:, :2] = 0.0, 0.0
         P[0, 0], P[1, 1] = noise, (START_SPEED * data.speed) ** 2
-        torque = Torque(data.u[first:last], np.arange(last - first)).held(0, start[-1:])
+        torque = Torque(data.u[first:last], np.arange(last - first)).held_torque(0, start[-1:])
         arrays = (x, P, torque, np.ascontiguousarray(data.q[first:last]))
-        pointers = [ffi.from_buffer("double[]", each) for each in arrays]
+        pointers = [ffi.from_buffer("double[]", array) for array in arrays]
         if lib.joint_filter(*pointers, last - first - 1, ffi.new("double[]", settings)):
             return None
     return np.append(law.from_free(x[2:]), start[-1])
@@ -103,7 +103,7 @@ def _acceleration(law: Candidate) -> Program:
     width = builder.input(Port("width", (1,), "rad/s | m/s", "", "speed at which the sign is smoothed"))
     q, v, *free = x
     logs = law.is_logarithmic
-    theta = [builder.exp(each) if log else each for each, log in zip(free, logs[:k], strict=True)] + [Fraction(0)]
+    theta = [builder.exp(value) if log else value for value, log in zip(free, logs[:k], strict=True)] + [Fraction(0)]
     smooth = Directed(builder, builder.tanh(v / width[0]))
     friction = law.law.torque(smooth, v, law.law_values(theta))
     a = (u[0] - law.gravity_torque(q, theta, builder) - friction) / theta[0]

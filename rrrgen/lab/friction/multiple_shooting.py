@@ -110,18 +110,18 @@ def fit(
     ``iterations`` is the largest number.
     """
     work = _Problem(candidate, windows, noise, held)
-    theta = candidate.clipped(theta)
+    theta = candidate.clip(theta)
     start = work.usual if start is None else start
     damping, done = 1e-2, 0
-    found = work.linearise(theta, start, 1.0)
+    linearisation = work.linearise(theta, start, 1.0)
     for done in range(1, iterations + 1):
-        trial, trial_start = work.moved(found, theta, start, damping)
-        cost = _losses(work.residuals(trial, trial_start), found.sigma)
+        trial, trial_start = work.take_step(linearisation, theta, start, damping)
+        cost = _losses(work.residuals(trial, trial_start), linearisation.sigma)
         if not len(work.free):  # without free parameters windows are independent: each keeps its better initial state
-            better = cost < found.cost
-            trial_start, cost = np.where(better, trial_start, start), np.minimum(cost, found.cost)
-        if np.sum(cost) < np.sum(found.cost):
-            gain = 1.0 - float(np.sum(cost) / np.sum(found.cost))
+            better = cost < linearisation.cost
+            trial_start, cost = np.where(better, trial_start, start), np.minimum(cost, linearisation.cost)
+        if np.sum(cost) < np.sum(linearisation.cost):
+            gain = 1.0 - float(np.sum(cost) / np.sum(linearisation.cost))
             theta, start = trial, trial_start
             damping = max(damping / 10.0, 1e-9)
         elif damping > 1e6:
@@ -130,25 +130,25 @@ def fit(
             gain = 1.0
             damping *= 10.0
             continue
-        found = work.linearise(theta, start, QUADRATIC**done)
+        linearisation = work.linearise(theta, start, QUADRATIC**done)
         if gain < SMALL_GAIN and QUADRATIC**done < 0.1:
             break
     return ShootingFit(
-        candidate, theta, start, noise, found.sigma, found.cost, found.residuals, work.free, found.normal,
-        found.gradient,
+        candidate, theta, start, noise, linearisation.sigma, linearisation.cost, linearisation.residuals, work.free,
+        linearisation.normal, linearisation.gradient,
     )  # fmt: skip
 
 
-def rigid_limit(found: ShootingFit, law: Candidate) -> ShootingFit:
-    """The ``law`` of sliding with the parameters of a law with bristles, ``found``, as if these were rigid.
+def rigid_limit(bristle_fit: ShootingFit, law: Candidate) -> ShootingFit:
+    """The ``law`` of sliding with the parameters of a law with bristles, ``bristle_fit``, as if these were rigid.
 
     The bristles are fitted to rest and reversals too, which tell the friction at low speed where the joint hardly ever
     slides slowly.
     """
-    kept = [found.candidate.names.index(name) for name in law.names]
-    normal, gradient = found.normal[:, kept][:, :, kept], found.gradient[:, kept]
+    kept = [bristle_fit.candidate.names.index(name) for name in law.names]
+    normal, gradient = bristle_fit.normal[:, kept][:, :, kept], bristle_fit.gradient[:, kept]
     return replace(
-        found, candidate=law, theta=found.theta[kept], start=found.start[:2],
+        bristle_fit, candidate=law, theta=bristle_fit.theta[kept], start=bristle_fit.start[:2],
         free=np.arange(len(kept)), normal=normal, gradient=gradient,
     )  # fmt: skip
 
@@ -172,20 +172,20 @@ def window_losses(candidate: Candidate, theta: Array, windows: Windows, noise: N
     return _losses(fitted.residuals, sigma)
 
 
-def likely_noise(found: ShootingFit, windows: Windows) -> Noise:
+def likely_noise(shooting: ShootingFit, windows: Windows) -> Noise:
     """Estimate the ratio of torque noise to encoder noise from the position errors of a fit, by maximum likelihood.
 
     Minimises ``N ln(sigma) + sum ln L_ii`` over the N positions used, with a robust sigma for each ratio; L is the
     Cholesky factor of the covariance of the position errors. Returns the :class:`Noise` with this ratio.
     """
-    work = _Problem(found.candidate, windows, found.noise, ())
-    errors = windows.measured - work.positions(found.theta, found.start)
+    work = _Problem(shooting.candidate, windows, shooting.noise, ())
+    errors = windows.measured - work.positions(shooting.theta, shooting.start)
     tried = []
     for ratio in RATIOS:
         noise = make_noise(len(errors), windows.period * windows.stride, float(ratio))
         sigma = float(np.median(np.abs((noise.whitener @ errors)[windows.used])))
         tried.append((windows.points * np.log(sigma) + float(noise.logarithms @ windows.used.sum(axis=1)), noise))
-    return min(tried, key=lambda each: each[0])[1]
+    return min(tried, key=lambda trial: trial[0])[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,9 +195,8 @@ class _Linear:
     residuals: Array
     normal: Array
     gradient: Array
-    own: Array
     back: Array
-    own_gradient: Array
+    start_shift: Array
 
 
 class _Problem:
@@ -231,7 +230,7 @@ class _Problem:
             return start
         w, law = self.windows, self.candidate
         known = dict(zip(law.names, theta, strict=True))
-        net = w.smoothed.centred(theta[-1]) - law.gravity_torque(w.q0, theta) - theta[0] * w.a0
+        net = w.smoothed.centred_torque(theta[-1]) - law.gravity_torque(w.q0, theta) - theta[0] * w.a0
         level = np.abs(law.torque(w.v0, theta, 1.0) - known["viscous"] * w.v0)
         force = np.clip(net - known["viscous"] * w.v0, -level, level)
         force = force + start[2] * (known["coulomb"] + known["stiction_excess"])
@@ -239,9 +238,9 @@ class _Problem:
 
     def _slopes(self, theta: Array, start: Array) -> Array:
         """Derivatives (s, f + s, S) of the initial states by the fitted parameters and by ``start``."""
-        own, f = len(self.prior), len(self.free)
-        slopes = np.zeros((own, f + own, start.shape[1]))
-        slopes[range(own), range(f, f + own)] = 1.0
+        order, f = len(self.prior), len(self.free)
+        slopes = np.zeros((order, f + order, start.shape[1]))
+        slopes[range(order), range(f, f + order)] = 1.0
         if self.candidate.has_bristles:
             here = self._states(theta, start)
             for column, i in enumerate(self.free):
@@ -252,7 +251,7 @@ class _Problem:
             slopes[:, -1] = bent - here
         return slopes
 
-    def whitened(self, errors: Array, prior: Array) -> Array:
+    def whiten(self, errors: Array, prior: Array) -> Array:
         """Whitened residuals (m + s, ..., S): position errors (m, ..., S), then those from the prior (s, ..., S)."""
         first = np.tensordot(self.noise.whitener, errors, 1) / self.windows.resolution
         used = self.windows.used.reshape(len(errors), *[1] * (errors.ndim - 2), -1)
@@ -260,7 +259,7 @@ class _Problem:
 
     def residuals(self, theta: Array, start: Array) -> Array:
         """Whitened residuals (m + s, S): m position errors, then the initial states' deviation from their prior."""
-        return self.whitened(self.windows.measured - self.positions(theta, start), self.usual - start)
+        return self.whiten(self.windows.measured - self.positions(theta, start), self.usual - start)
 
     def errors(self, residuals: Array) -> Array:
         """The position errors (m, ...) among whitened ``residuals`` (m + s, ...)."""
@@ -273,31 +272,31 @@ class _Problem:
         ``quadratic`` at the start of a search makes it ordinary least squares, because far from the optimum a robust
         loss would treat informative windows as outliers.
         """
-        k, own_k = len(self.free), len(self.prior)
-        seeds = [*self.free.tolist(), *[-1] * own_k]
+        k, order = len(self.free), len(self.prior)
+        seeds = [*self.free.tolist(), *[-1] * order]
         states, along = self._states(theta, start), self._slopes(theta, start)
         positions, slopes = self.simulation.positions(theta, self.windows, states, seeds, along)
         slopes[:, :k] *= np.where(self.candidate.is_logarithmic, theta, 1.0)[self.free][:, None]
-        base = self.whitened(self.windows.measured - positions, self.usual - start)
-        known = np.zeros((own_k, k + own_k, len(self.windows)))
-        known[range(own_k), range(k, k + own_k)] = 1.0
+        base = self.whiten(self.windows.measured - positions, self.usual - start)
+        known = np.zeros((order, k + order, len(self.windows)))
+        known[range(order), range(k, k + order)] = 1.0
         counted = self.errors(base)[self.windows.used]
         sigma = max(_scale(counted), quadratic * float(rms(counted)))
         weight = np.sqrt(_weights(base / sigma))
-        rows = -self.whitened(slopes, known) * weight[:, None] / sigma
+        rows = -self.whiten(slopes, known) * weight[:, None] / sigma
         J, B = rows[:, :k], rows[:, k:]
         e = base * weight / sigma
-        own = np.einsum("mas,mbs->sab", B, B)
+        start_normal = np.einsum("mas,mbs->sab", B, B)
         cross = np.einsum("mas,mks->sak", B, J)
-        own_gradient = np.einsum("mas,ms->sa", B, e)
-        own[:, np.arange(own_k), np.arange(own_k)] *= 1.0 + 1e-12
-        back = np.linalg.solve(own, cross)
-        settled = np.linalg.solve(own, own_gradient[:, :, None])[:, :, 0]
+        start_gradient = np.einsum("mas,ms->sa", B, e)
+        start_normal[:, np.arange(order), np.arange(order)] *= 1.0 + 1e-12
+        back = np.linalg.solve(start_normal, cross)
+        start_shift = np.linalg.solve(start_normal, start_gradient[:, :, None])[:, :, 0]
         normal = np.einsum("mjs,mks->sjk", J, J) - np.einsum("saj,sak->sjk", cross, back)
-        gradient = np.einsum("mks,ms->sk", J, e) - np.einsum("sak,sa->sk", cross, settled)
-        return _Linear(sigma, _losses(base, sigma), base, normal, gradient, own, back, settled)
+        gradient = np.einsum("mks,ms->sk", J, e) - np.einsum("sak,sa->sk", cross, start_shift)
+        return _Linear(sigma, _losses(base, sigma), base, normal, gradient, back, start_shift)
 
-    def moved(self, at: _Linear, theta: Array, start: Array, damping: float) -> tuple[Array, Array]:
+    def take_step(self, at: _Linear, theta: Array, start: Array, damping: float) -> tuple[Array, Array]:
         """Parameters and initial states after one damped Gauss-Newton step from the linearisation ``at``."""
         step = np.zeros(len(self.free))
         if len(step):
@@ -308,8 +307,8 @@ class _Problem:
         limit = np.where(self.candidate.is_logarithmic, LARGEST_STEP, np.inf)[self.free]
         step = np.clip(step, -limit, limit)
         free[self.free] += step
-        own = -at.own_gradient / (1.0 + damping) - at.back @ step  # initial states follow the step that is taken
-        return self.candidate.clipped(self.candidate.from_free(free)), start + own.T
+        start_step = -at.start_shift / (1.0 + damping) - at.back @ step  # initial states follow the step that is taken
+        return self.candidate.clip(self.candidate.from_free(free)), start + start_step.T
 
 
 def _scale(r: Array) -> float:
@@ -337,17 +336,17 @@ def _weights(x: Array) -> Array:
 RESAMPLES = 400
 
 
-def resampled(found: ShootingFit, blocks: NDArray[np.int64], seed: int) -> Array:
+def bootstrap(shooting: ShootingFit, blocks: NDArray[np.int64], seed: int) -> Array:
     """Draw blocks with replacement and estimate the parameters from each draw; returns (k, resamples).
 
-    ``found`` is the fit to all windows, ``blocks`` (S,) the number of the block of each window, ``seed`` that of the
+    ``shooting`` is the fit to all windows, ``blocks`` (S,) the number of the block of each window, ``seed`` that of the
     draws. Each estimate is one Gauss-Newton step from the fit.
     """
     groups = np.unique(blocks, return_inverse=True)[1]
-    count, f = int(np.max(groups)) + 1, len(found.free)
+    count, f = int(np.max(groups)) + 1, len(shooting.free)
     H, g = np.zeros((count, f, f)), np.zeros((count, f))
-    np.add.at(H, groups, found.normal)
-    np.add.at(g, groups, found.gradient)
+    np.add.at(H, groups, shooting.normal)
+    np.add.at(g, groups, shooting.gradient)
     g -= g.mean(axis=0)  # the search ends near the optimum, where the gradient is not quite zero
     rng = np.random.default_rng(seed)
     drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES).astype(float)
@@ -355,7 +354,7 @@ def resampled(found: ShootingFit, blocks: NDArray[np.int64], seed: int) -> Array
     size = np.einsum("bjj->bj", normal)
     normal[:, np.arange(f), np.arange(f)] += 1e-10 * size + 1e-300
     steps = np.linalg.solve(normal, gradient[:, :, None])[:, :, 0]
-    free = np.repeat(found.candidate.to_free(found.theta)[:, None], RESAMPLES, axis=1)
-    logs = found.candidate.is_logarithmic[found.free]
-    free[found.free] -= np.where(logs, np.clip(steps, -3.0, 3.0), steps).T
-    return found.candidate.clipped(found.candidate.from_free(free))
+    free = np.repeat(shooting.candidate.to_free(shooting.theta)[:, None], RESAMPLES, axis=1)
+    logs = shooting.candidate.is_logarithmic[shooting.free]
+    free[shooting.free] -= np.where(logs, np.clip(steps, -3.0, 3.0), steps).T
+    return shooting.candidate.clip(shooting.candidate.from_free(free))

@@ -118,15 +118,16 @@ def presliding(
     Raises :class:`DerivationError` if the excitation comes near break-away or is not periodic, or if the stiffnesses at
     two amplitudes contradict each other.
     """
-    found_at = (_level(each, resolution, break_away, viscous, gravity, delay) for each in records)
-    levels = sorted(found_at, key=lambda x: x.torque)
-    found = [float(level.values[2]) for level in levels]
-    if max(found) > ALIKE * min(found):
+    unsorted = (_level(record, resolution, break_away, viscous, gravity, delay) for record in records)
+    levels = sorted(unsorted, key=lambda x: x.torque)
+    stiffnesses = [float(level.values[2]) for level in levels]
+    if max(stiffnesses) > ALIKE * min(stiffnesses):
         raise DerivationError(
-            f"the stiffness is {min(found):.3g} at one amplitude and {max(found):.3g} at another: the recordings do "
-            "not determine it; the joint oscillates on its bristles too fast for the sampling rate, or moves too little"
+            f"the stiffness is {min(stiffnesses):.3g} at one amplitude and {max(stiffnesses):.3g} at another: the "
+            "recordings do not determine it; the joint oscillates on its bristles too fast for the sampling rate, or "
+            "moves too little"
         )
-    values, stds = _extrapolated(levels)
+    values, stds = _extrapolate(levels)
     J, damping, stiffness = values
     position = float(np.mean([level.position for level in levels]))
     around = _gravity_stiffness(gravity, position)
@@ -187,7 +188,7 @@ def _level(
         raise DerivationError(f"{record.name}: noise hides the response at all but {np.count_nonzero(use)} lines")
     position = float(np.mean(record.q))
     rest = Rest(lines.frequency[use], record.period, viscous, _gravity_stiffness(gravity, position), delay)
-    values, std, slip = _fitted(rest, P[use], np.maximum(variance[use], 1e-300))
+    values, std, slip = _fit_response(rest, P[use], np.maximum(variance[use], 1e-300))
     amplitude = float(np.sqrt(2.0) * np.std(record.q)) / encoder_step(record.q, resolution)
     return Level(float(np.std(torque)), amplitude, position, values, std, slip)
 
@@ -234,7 +235,7 @@ class Rest:
         return np.asarray(response * back**late / (1.0 - share + share * back))
 
 
-def _fitted(rest: Rest, P: Complex, variance: Array) -> tuple[Array, Array, float]:
+def _fit_response(rest: Rest, P: Complex, variance: Array) -> tuple[Array, Array, float]:
     """Inertia, damping and stiffness (3,) of the response P (L,), their standard deviations (3,), micro-slip rate.
 
     ``variance`` (L,) is that of P by noise. That of a relative distortion which falls with the frequency is added; its
@@ -259,16 +260,16 @@ def _fitted(rest: Rest, P: Complex, variance: Array) -> tuple[Array, Array, floa
 
     first = weight(distortion)
     starts = _starts(rest, P, first, low, high)
-    found = min((search(start, first) for start in starts), key=lambda each: float(each.cost))
+    solution = min((search(start, first) for start in starts), key=lambda trial: float(trial.cost))
     for _ in range(WEIGHTINGS):
-        model = rest.response(*_physical(found.x))
+        model = rest.response(*_physical(solution.x))
         left = (np.abs(model - P) ** 2 - variance) * f**2 / np.abs(P) ** 2
         distortion = max(float(np.median(left)) / np.log(2.0), 0.0)  # ln 2: median of an exponential distribution
-        found = search(found.x, weight(distortion))
-    scale = max(1.0, 2.0 * float(found.cost) / max(len(found.fun) - 5, 1))
+        solution = search(solution.x, weight(distortion))
+    scale = max(1.0, 2.0 * float(solution.cost) / max(len(solution.fun) - 5, 1))
     logs = np.array([[-2.0, 0.0, 1.0], [-1.0, 1.0, 1.0], [0.0, 0.0, 1.0]])  # of the values by those of the search
-    covariance = logs @ np.linalg.pinv(found.jac.T @ found.jac)[:3, :3] @ logs.T * scale
-    *values, slip, _ = _physical(found.x)
+    covariance = logs @ np.linalg.pinv(solution.jac.T @ solution.jac)[:3, :3] @ logs.T * scale
+    *values, slip, _ = _physical(solution.x)
     return np.array(values), np.array(values) * np.sqrt(np.diag(covariance)), slip
 
 
@@ -294,10 +295,10 @@ def _starts(rest: Rest, P: Complex, weight: Array, low: float, high: float) -> l
         if gain > 0.0:
             error = float(np.sum(np.abs(gain * unit - P * weight) ** 2))
             tried.append((error, np.array([omega, ratio, -np.log(gain), SLIP, 0.0])))
-    return [start for _, start in sorted(tried, key=lambda each: each[0])[:REFINED]]
+    return [start for _, start in sorted(tried, key=lambda trial: trial[0])[:REFINED]]
 
 
-def _extrapolated(levels: Sequence[Level]) -> tuple[Array, Array]:
+def _extrapolate(levels: Sequence[Level]) -> tuple[Array, Array]:
     """Inertia, damping and stiffness (3,) at zero amplitude, by straight lines, and standard deviations (3,).
 
     A single level is taken as it is.
@@ -307,9 +308,9 @@ def _extrapolated(levels: Sequence[Level]) -> tuple[Array, Array]:
     values, std = np.array([level.values for level in levels]), np.array([level.std for level in levels])
     weight = 1.0 / np.maximum(std, 1e-12 * np.abs(values)) ** 2
     A = np.stack([np.ones(len(levels)), [level.torque for level in levels]], axis=1)
-    found, spread = np.empty(3), np.empty(3)
+    intercepts, spread = np.empty(3), np.empty(3)
     for column in range(3):
         H = np.linalg.inv(A.T @ (weight[:, column, None] * A))
-        found[column] = (H @ (A.T @ (weight[:, column] * values[:, column])))[0]
+        intercepts[column] = (H @ (A.T @ (weight[:, column] * values[:, column])))[0]
         spread[column] = np.sqrt(H[0, 0])
-    return found, spread
+    return intercepts, spread

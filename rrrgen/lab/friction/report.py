@@ -26,25 +26,25 @@ MOST_POINTS = 6000  # largest number of measured points that are drawn
 SLOW = 3.0  # times the Stribeck speed: range of the panel of low speeds (without one, a tenth of the whole range)
 
 
-def plot_friction(found: FrictionEstimate, units: tuple[str, str] = ("rad/s", "N m")) -> Figure:
+def plot_friction(estimate: FrictionEstimate, units: tuple[str, str] = ("rad/s", "N m")) -> Figure:
     """Plot friction over speed: the measured points and the curve of every law, the chosen one in front.
 
     One panel shows the whole range, one the low speeds. ``units`` are those of speed and torque.
     """
     figure, axes = new_figure(1, 2, height=3.6, width=9.0)
-    _draw_friction(axes, found, units)
+    _draw_friction(axes, estimate, units)
     return figure
 
 
-def plot_experiment(found: FrictionEstimate, units: tuple[str, str] = ("rad/s", "N m")) -> Figure:
+def plot_experiment(estimate: FrictionEstimate, units: tuple[str, str] = ("rad/s", "N m")) -> Figure:
     """Plot recorded torque and speed around the change from fast to slow motion, beside friction over speed.
 
     The arrangement is that of Fig. 14.9. The torque of the chosen law, by inverse dynamics, is drawn at the samples at
     which the joint slides. ``units`` are those of speed and torque.
     """
     figure, axes = new_figure(2, 2, height=5.6, width=10.0)
-    _draw_friction(axes[[1, 3]], found, units)
-    data, law = found.data, found.chosen
+    _draw_friction(axes[[1, 3]], estimate, units)
+    data, law = estimate.data, estimate.chosen
     first = max(0, len(data.q) // 2 - round(SHOWN / 2.0 / data.period))
     part = slice(first, first + round(SHOWN / data.period))
     t = np.arange(len(data.q))[part] * data.period
@@ -60,33 +60,35 @@ def plot_experiment(found: FrictionEstimate, units: tuple[str, str] = ("rad/s", 
     return figure
 
 
-def _draw_friction(axes: Any, found: FrictionEstimate, units: tuple[str, str]) -> None:
+def _draw_friction(axes: Any, estimate: FrictionEstimate, units: tuple[str, str]) -> None:
     """Draw friction over speed into two axes: the whole range, and low speeds."""
-    speed, friction = _cloud(found)
+    speed, friction = _cloud(estimate)
     top = float(np.max(np.abs(speed)))
-    slow = min(top, SLOW * found.chosen.values.get("stribeck_speed", top / 30.0))
+    slow = min(top, SLOW * estimate.chosen.values.get("stribeck_speed", top / 30.0))
     for axis, limit in zip(axes, (top, slow), strict=True):
         inside = np.flatnonzero(np.abs(speed) <= limit)
         shown = inside[:: max(1, len(inside) // MOST_POINTS)]
         axis.plot(speed[shown], friction[shown], ".", color="0.7", markersize=3.0, zorder=1, rasterized=True)
-        for law in found.laws:
-            is_chosen = law is found.chosen
+        for law in estimate.laws:
+            is_chosen = law is estimate.chosen
             style = {"color": "k", "linewidth": 1.4, "zorder": 3} if is_chosen else {"linewidth": 1.0, "zorder": 2}
             axis.plot(*_curve(law, limit), label=f"{law.name}{' (chosen)' if is_chosen else ''}", **style)
         style_axes(axis, f"speed [{units[0]}]", f"friction [{units[1]}]")
         axis.set_xlim(-1.05 * limit, 1.05 * limit)
-    axes[0].set_title(f"joint {found.data.name}; grey: torque - J ddq - gravity while sliding", fontsize=9, loc="left")
+    axes[0].set_title(
+        f"joint {estimate.data.name}; grey: torque - J ddq - gravity while sliding", fontsize=9, loc="left"
+    )
     axes[1].set_title("low speeds", fontsize=9, loc="left")
     axes[0].legend(loc="lower right", fontsize=8)
 
 
-def _cloud(found: FrictionEstimate) -> tuple[Array, Array]:
+def _cloud(estimate: FrictionEstimate) -> tuple[Array, Array]:
     """Speeds and measured friction torques at samples at which the joint slides, (N,) each.
 
     Friction is the recorded torque minus the inertia and gravity torques of the chosen law.
     """
-    law, theta = found.chosen.candidate, found.chosen.theta
-    samples = sliding_samples(found.data, float(theta[-1]))
+    law, theta = estimate.chosen.candidate, estimate.chosen.theta
+    samples = sliding_samples(estimate.data, float(theta[-1]))
     friction = samples.tau - theta[0] * samples.ddq - law.gravity_torque(samples.q, theta)
     return samples.dq, friction
 
@@ -133,5 +135,5 @@ def with_friction(spec: RobotSpec, joint: str, chosen: LawEstimate, rest: Presli
     else:
         numbers = tuple(max(values[p.name], LEAST) if p.positive else values[p.name] for p in law.parameters)
         friction = FrictionSpec(law=LawSpec(law.name, numbers), offset=offset)
-    joints = tuple(replace(each, friction=friction) if each.name == joint else each for each in spec.joints)
+    joints = tuple(replace(row, friction=friction) if row.name == joint else row for row in spec.joints)
     return replace(spec, joints=joints)

@@ -92,17 +92,17 @@ def find_ripples(data: JointData, gravity: int, delay: float, revolute: bool) ->
     ``gravity`` is the number of gravity coefficients; the motion lags the torque by ``delay`` sampling periods.
     """
     model = SlidingModel.of(data, gravity, delay)
-    found: list[Ripple] = []
-    while model is not None and len(found) < MOST:
+    ripples: list[Ripple] = []
+    while model is not None and len(ripples) < MOST:
         order = _best_order(model, _orders(model, data, revolute), _cutoff(data))
         if order is None:
             break
-        ripple, wider = _fitted(model, order, _cutoff(data), revolute)
+        ripple, wider = _fit_ripple(model, order, _cutoff(data), revolute)
         if not (ripple.gain >= GAIN and ripple.t >= AHEAD and ripple.p < UNLIKELY):
             break
-        found.append(ripple)
+        ripples.append(ripple)
         model = wider
-    return tuple(found)
+    return tuple(ripples)
 
 
 def _cutoff(data: JointData) -> float:
@@ -153,7 +153,7 @@ def _best_order(model: SlidingModel, orders: Array, cutoff: float) -> float | No
     return float(orders[int(np.argmax(explained))])
 
 
-def _fitted(model: SlidingModel, order: float, cutoff: float, revolute: bool) -> tuple[Ripple, SlidingModel]:
+def _fit_ripple(model: SlidingModel, order: float, cutoff: float, revolute: bool) -> tuple[Ripple, SlidingModel]:
     """The ripple of an order near ``order``, and the model with its cosine and sine."""
     middle = float(np.mean(model.q))
     q = model.q - middle

@@ -117,7 +117,7 @@ class SlidingModel:
         size = np.sqrt(np.einsum("gii->gi", left[:, :-1, :-1])).max(axis=0)
         H = left[:, :-1, :-1] / (size[:, None] * size)
         x = np.stack(
-            [np.linalg.pinv(each) @ (row / size) / size for each, row in zip(H, left[:, :-1, -1], strict=True)]
+            [np.linalg.pinv(matrix) @ (row / size) / size for matrix, row in zip(H, left[:, :-1, -1], strict=True)]
         )
         x -= x.mean(axis=0)
         return np.asarray((count - 1) / count * x.T @ x)

@@ -157,9 +157,9 @@ class Tuning:
             "row_rate": self.row_rate,
             "torque_cutoff": self.torque_cutoff,
             "motion_bandwidth": self.motion,
-            "joint_bandwidths": [None if each is None else each.bandwidth for each in self.spectra],
-            "rms_speeds": [None if each is None else each.signal for each in self.spectra],
-            "rms_noise_of_speeds": [None if each is None else each.noise for each in self.spectra],
+            "joint_bandwidths": [None if spectrum is None else spectrum.bandwidth for spectrum in self.spectra],
+            "rms_speeds": [None if spectrum is None else spectrum.signal for spectrum in self.spectra],
+            "rms_noise_of_speeds": [None if spectrum is None else spectrum.noise for spectrum in self.spectra],
             "chosen_by_rule": list(self.by_rule),
             "chosen_on_seconds": self.on,
             "in_words": list(self.sentences()),
@@ -182,20 +182,20 @@ def tune(processing: Processing, recordings: Sequence[Recording], split: Split |
     by_rule = tuple(name for name, left in open_ if left)
     if not by_rule:
         return Tuning(processing, period)
-    each = TUNING_SAMPLES // len(recordings)
-    found = [(recording.period, fitted_stretches(recording, split or Split(), each)) for recording in recordings]
-    on = sum(step * len(stretch.q) for step, stretches in found for stretch in stretches)
+    samples = TUNING_SAMPLES // len(recordings)
+    positions = [(recording.period, fitted_stretches(recording, split or Split(), samples)) for recording in recordings]
+    on = sum(step * len(stretch.q) for step, stretches in positions for stretch in stretches)
     motion: float | None = None
     spectra: Spectra = ()
     if processing.decimate is None or cutoff:
-        spectra = max((stretch_spectra(stretches, step) for step, stretches in found), key=largest_bandwidth)
+        spectra = max((stretch_spectra(stretches, step) for step, stretches in positions), key=largest_bandwidth)
         motion = largest_bandwidth(spectra)
     if processing.decimate is None and motion is not None:
         processing = replace(processing, decimate=max(1, int(1.0 / (period * RATE_OVER_BANDWIDTH * motion))))
     if cutoff and motion is not None:
         processing = replace(processing, cutoff=min(CUTOFF_OVER_BANDWIDTH * motion, HIGHEST_CUTOFF / period))
     if kalman:
-        smoother = tune_stretches([stretch.q for stretch in found[0][1]], found[0][0])
+        smoother = tune_stretches([stretch.q for stretch in positions[0][1]], positions[0][0])
         eta, xi = (tuple(float(x) for x in np.atleast_1d(v)) for v in (smoother.var_eta, smoother.var_xi))
         processing = replace(processing, var_eta=processing.var_eta or eta, var_xi=processing.var_xi or xi)
     return Tuning(processing, period, by_rule, motion, on, spectra)
@@ -221,23 +221,25 @@ def fitted_stretches(recording: Recording, split: Split, limit: int = TUNING_SAM
     Raises :class:`InputError` if no stretch is long enough to tune filters on it.
     """
     start, duration = recording.span
-    found: list[PositionStretch] = []
+    stretches: list[PositionStretch] = []
     count = 0
     for part in recording.parts():
         q = part.coordinates(recording.period)
-        fitted = split.fitted(part.t, start, duration)
+        fitted = split.is_fitted(part.t, start, duration)
         edges = np.flatnonzero(np.diff(np.concatenate([[0], fitted.astype(np.int8), [0]])))
         for begin, end in zip(edges[::2], edges[1::2], strict=True):
             taken = PositionStretch(q[begin : min(end, begin + limit - count)], part.segment, part.first + int(begin))
-            if found and (found[-1].segment, found[-1].end) == (taken.segment, taken.first):
-                taken = PositionStretch(np.concatenate([found[-1].q, taken.q]), taken.segment, found.pop().first)
-            found.append(taken)
-            count = sum(len(stretch.q) for stretch in found)
+            if stretches and (stretches[-1].segment, stretches[-1].end) == (taken.segment, taken.first):
+                taken = PositionStretch(
+                    np.concatenate([stretches[-1].q, taken.q]), taken.segment, stretches.pop().first
+                )
+            stretches.append(taken)
+            count = sum(len(stretch.q) for stretch in stretches)
             if count >= limit:
                 break
         if count >= limit:
             break
-    long = [stretch for stretch in found if len(stretch.q) >= SHORTEST]
+    long = [stretch for stretch in stretches if len(stretch.q) >= SHORTEST]
     if not long:
         raise InputError(
             f"no fitted stretch has the {SHORTEST} samples that filters are tuned on: split the data otherwise, or "
@@ -255,7 +257,7 @@ def stretch_spectra(stretches: Sequence[PositionStretch], period: float) -> Spec
     apart = speed_spectra([stretch.q for stretch in stretches], period)
     if len(stretches) == 1:
         return apart
-    return min(apart, speed_spectra(bridged(stretches), period), key=largest_bandwidth)
+    return min(apart, speed_spectra(bridge_gaps(stretches), period), key=largest_bandwidth)
 
 
 def largest_bandwidth(spectra: Spectra) -> float:
@@ -263,7 +265,7 @@ def largest_bandwidth(spectra: Spectra) -> float:
     return max(spectrum.bandwidth for spectrum in spectra if spectrum is not None)
 
 
-def bridged(stretches: Sequence[PositionStretch]) -> list[Array]:
+def bridge_gaps(stretches: Sequence[PositionStretch]) -> list[Array]:
     """Positions of whole stretches of the recording, with held-out gaps interpolated by cubics.
 
     The cubics match position and speed at both ends of a gap; long stretches resolve slow motion.

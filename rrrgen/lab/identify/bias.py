@@ -84,14 +84,14 @@ class BiasCheck:
         ]
 
 
-def check_bias(found: Identification, recordings: Sequence[Recording], period: float) -> BiasCheck:
-    """Compare the unconstrained estimate of ``found`` with instrumental variables one ``period`` (s) apart.
+def check_bias(identification: Identification, recordings: Sequence[Recording], period: float) -> BiasCheck:
+    """Compare the unconstrained estimate of ``identification`` with instrumental variables one ``period`` (s) apart.
 
     ``recordings`` are those of the estimate. Raises InputError if they are shorter than two periods, or if the motion
     does not repeat.
     """
     pairs = []
-    for rows in _stretches(found.blocks):
+    for rows in _stretches(identification.blocks):
         at, other = _pairs(rows, period)
         if len(at):
             use = rows.use[at] & rows.use[other]
@@ -103,7 +103,7 @@ def check_bias(found: Identification, recordings: Sequence[Recording], period: f
         raise InputError(
             f"the motion does not repeat after {period:g} s: the positions differ by {difference:.0%} of their spread"
         )
-    return compare(found, found.estimate.x, pairs)
+    return compare(identification, identification.estimate.x, pairs)
 
 
 def position_difference(q: Array, other: Array) -> float:
@@ -140,11 +140,11 @@ class Paired:
     use: NDArray[np.bool_]
 
 
-def compare(found: Identification, x: Array, pairs: Sequence[Paired]) -> BiasCheck:
+def compare(identification: Identification, x: Array, pairs: Sequence[Paired]) -> BiasCheck:
     """Compare the instrumental-variable estimate from ``pairs`` with the least-squares estimate ``x`` (r,)."""
-    estimate = found.estimate
-    assert found.parametrisation is not None
-    transform, known = found.parametrisation.T, found.parametrisation.known
+    estimate = identification.estimate
+    assert identification.parametrisation is not None
+    transform, known = identification.parametrisation.T, identification.parametrisation.known
     w2 = estimate.weights**2
     r = transform.shape[1]
     A, scores = np.zeros((r, r)), []
@@ -158,23 +158,23 @@ def compare(found: Identification, x: Array, pairs: Sequence[Paired]) -> BiasChe
         scores.append(np.einsum("kji,kj->ki", (Z - W) * use, residual))
         torque += float(np.sum(use[..., 0] * pair.tau**2))
     inverse = np.linalg.pinv(A)
-    difference = inverse @ np.sum([np.sum(each, axis=0) for each in scores], axis=0)
-    covariance = inverse @ np.sum([_long_run(each) for each in scores], axis=0) @ inverse.T
+    difference = inverse @ np.sum([np.sum(score, axis=0) for score in scores], axis=0)
+    covariance = inverse @ np.sum([_long_run(score) for score in scores], axis=0) @ inverse.T
     effect = float(np.sqrt(max(0.0, difference @ apart @ difference) / max(torque, np.finfo(float).tiny)))
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    return BiasCheck(found.names, difference, std, estimate.std, effect)
+    return BiasCheck(identification.names, difference, std, estimate.std, effect)
 
 
 def _stretches(blocks: Iterable[Rows]) -> list[Rows]:
     """Concatenate blocks of rows so that each uninterrupted stretch of the recording is one block."""
-    found: dict[int, list[Rows]] = {}
+    stretches: dict[int, list[Rows]] = {}
     for rows in blocks:
         if len(rows.segment):
-            found.setdefault(int(rows.segment[0]), []).append(rows)
-    return [_joined(each) for each in found.values()]
+            stretches.setdefault(int(rows.segment[0]), []).append(rows)
+    return [_join_rows(stretch) for stretch in stretches.values()]
 
 
-def _joined(parts: Sequence[Rows]) -> Rows:
+def _join_rows(parts: Sequence[Rows]) -> Rows:
     names = ("t", "W", "tau", "use", "segment")
     return Rows(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 

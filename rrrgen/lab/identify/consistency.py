@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, MissingExtraError
 from rrrgen.derive.parameters.physical_links import Prior, pseudo_inertia
-from rrrgen.lab.estimate.linear import scaled
+from rrrgen.lab.estimate.linear import scale_columns
 from rrrgen.lab.estimate.regression import Estimate
 from rrrgen.lab.estimate.tsqr import JointFactors
 from rrrgen.lab.identify.parameters import Column
@@ -125,7 +125,7 @@ def consistent_estimate(
     estimation. Raises :class:`InconsistentEstimateError` if the solver fails.
     """
     b, n = model.base_projection.shape[0], len(prior.P0)
-    R = factors.stacked(weights)
+    R = factors.stack(weights)
     program = _Program(R, np.asarray(model.base_projection), columns, prior)
     phi, drives, facts, near = program.solve(fixed or {})
     beta = np.asarray(model.base_projection) @ phi
@@ -174,11 +174,11 @@ class _Program:
             J = L @ basis @ L.T
             self.to_phi[10 * j : 10 * j + 10, 10 * j : 10 * j + 10] = parameters_of(J).T
         drives = columns[b:]
-        drive_columns, size = scaled(R[:, b:-1])
+        drive_columns, size = scale_columns(R[:, b:-1])
         self.drive_size = 1.0 / size
         A = np.column_stack([R[:, :b] @ K @ self.to_phi, drive_columns])
         # only the triangular factor of the (possibly rank-deficient) problem enters the solver
-        self.A, self.z = _reduced(A, R[:, -1])
+        self.A, self.z = _reduce_rows(A, R[:, -1])
         self.bounded = [10 * n + i for i, column in enumerate(drives) if _is_bounded(column)]
         self.free = [10 * n + i for i, column in enumerate(drives) if not _is_bounded(column)]
         self.n, self.basis, self.strength = n, basis, prior.strength
@@ -275,7 +275,7 @@ def _cvxpy() -> Any:
         raise MissingExtraError("a physically consistent estimate", "cvxpy", "identify") from None
 
 
-def _reduced(A: Array, z: Array) -> tuple[Array, Array]:
+def _reduce_rows(A: Array, z: Array) -> tuple[Array, Array]:
     """An equivalent least-squares problem (same normal equations) with at most as many rows as columns."""
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     kept = s > 1e-13 * s[0]

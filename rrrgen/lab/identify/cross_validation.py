@@ -75,9 +75,9 @@ def convergence(
             if used == 0:
                 continue  # all rows held out or at rest: no new information, so no new point of the curve
             part = factor_rows(piece)
-            total = part if total is None else total.merged(part)
+            total = part if total is None else total.merge(part)
             seen += used
-            x, condition = _solved((transform(total) if transform else total).stacked(weights))
+            x, condition = _solve_triangular((transform(total) if transform else total).stack(weights))
             samples.append(seen)
             estimates.append(x)
             conditions.append(condition)
@@ -89,7 +89,7 @@ def _piece(rows: Rows, start: int, stop: int) -> Rows:
     return Rows(rows.t[part], rows.W[part], rows.tau[part], rows.use[part], rows.segment[part])
 
 
-def _solved(R: Array) -> tuple[Array, float]:
+def _solve_triangular(R: Array) -> tuple[Array, float]:
     """Solution (p,) of the triangular system R (p+1, p+1) and its condition number; NaN, inf if rank-deficient."""
     p = R.shape[1] - 1
     fit = solve(R[:p, :p], R[:p, p], RANK_TOLERANCE)
@@ -115,14 +115,14 @@ class CrossValidation:
     parts: tuple[tuple[Score, ...], ...]
     left: tuple[Remainder, ...] = ()
 
-    def pooled(self, estimate: int) -> tuple[float, Array]:
+    def pooled_errors(self, estimate: int) -> tuple[float, Array]:
         """Relative torque error of estimate number ``estimate`` over all parts, and that of every joint (n,)."""
         squares, size = np.zeros(len(self.joints)), np.zeros(len(self.joints))
         for part in self.parts:
             score = part[estimate]
-            own = np.square(score.joint_rms or 0.0) * np.array(score.joint_counts)
-            squares += own
-            size += own / np.maximum(np.square(score.joint_relative or 1.0), np.finfo(float).tiny)
+            part_squares = np.square(score.joint_rms or 0.0) * np.array(score.joint_counts)
+            squares += part_squares
+            size += part_squares / np.maximum(np.square(score.joint_relative or 1.0), np.finfo(float).tiny)
         size = np.maximum(size, np.finfo(float).tiny)
         return float(np.sqrt(np.sum(squares) / np.sum(size))), np.sqrt(squares / size)
 
@@ -139,9 +139,12 @@ class CrossValidation:
         for k, part in enumerate(self.parts):
             errors = ("-" if s.relative_error is None else f"{100 * s.relative_error:.3g} %" for s in part)
             rows.append((str(k + 1), *errors))
-        found = [self.pooled(i) for i in range(len(names))]
-        rows.append(("all", *(f"{100 * total:.3g} %" for total, _ in found)))
-        rows += [(joint, *(f"{100 * each[j]:.3g} %" for _, each in found)) for j, joint in enumerate(self.joints)]
+        totals = [self.pooled_errors(i) for i in range(len(names))]
+        rows.append(("all", *(f"{100 * total:.3g} %" for total, _ in totals)))
+        rows += [
+            (joint, *(f"{100 * joint_errors[j]:.3g} %" for _, joint_errors in totals))
+            for j, joint in enumerate(self.joints)
+        ]
         table = text_table(rows, width, indent="", right=range(1, len(names) + 1))
         return [title, *table, *(f"note: {note}" for note in self.notes)]
 
@@ -152,11 +155,13 @@ class CrossValidation:
 
     def to_json(self) -> dict[str, Any]:
         """Errors of all parts and joints as plain data."""
-        pooled = [self.pooled(i) for i in range(len(self.estimates))]
+        pooled = [self.pooled_errors(i) for i in range(len(self.estimates))]
         return {
             "parts": [[vars(score) for score in part] for part in self.parts],
             "relative_error": {name: total for name, (total, _) in zip(self.estimates, pooled, strict=True)},
-            "joint_relative_error": {name: each for name, (_, each) in zip(self.estimates, pooled, strict=True)},
+            "joint_relative_error": {
+                name: joint_errors for name, (_, joint_errors) in zip(self.estimates, pooled, strict=True)
+            },
             "notes": list(self.notes),
             "remainder": remainder_record(self.left),
         }
@@ -180,7 +185,7 @@ def cross_validate(
     if options.split.kind != "none":
         raise InputError("cross-validation holds out every part in turn: leave the split of the data away")
     plain = replace(options, correlated=False, essential=False, poses=2)
-    found = []
+    scores = []
     fitted: list[Errors | None] = []
     left_out: list[Errors | None] = []
     for part in range(1, parts + 1):
@@ -191,8 +196,8 @@ def cross_validate(
         if not held_out or held_out[0].relative_error is None:
             guard = f"guard bands of {result.split.guard:.3g} s"
             raise InputError(f"part {part} of {parts} has no rows beside {guard}: choose fewer parts")
-        found.append(tuple(score for score in held_out if score.where == held_out[0].where))
+        scores.append(tuple(score for score in held_out if score.where == held_out[0].where))
         fitted.append(row_errors(result.band.theta, result.blocks, result.tuning))
         left_out.append(row_errors(result.band.theta, result.held_out_blocks, result.tuning))
     joints = tuple(recordings[0].joints)
-    return CrossValidation(joints, tuple(found), remainders(all_errors(left_out), all_errors(fitted), joints))
+    return CrossValidation(joints, tuple(scores), remainders(all_errors(left_out), all_errors(fitted), joints))

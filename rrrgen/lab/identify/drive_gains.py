@@ -29,8 +29,8 @@ from rrrgen.lab.estimate.tsqr import JointFactors, Rows
 from rrrgen.lab.identify.bandwidth import Tuning, tune
 from rrrgen.lab.identify.observations import Recording, RowMaker
 from rrrgen.lab.identify.parameters import DriveTerms
-from rrrgen.lab.identify.regressor import FullRegressor, assembled
-from rrrgen.lab.identify.rows import body_columns, factored, slow_samples
+from rrrgen.lab.identify.regressor import FullRegressor, assembly_mask
+from rrrgen.lab.identify.rows import body_columns, factors_and_blocks, slow_samples
 from rrrgen.lab.identify.scores import UNEXPLAINED, not_explained
 
 PASSES = 50
@@ -113,7 +113,7 @@ def identify_gains(
     every_joint = tuple(range(n))
     stated = DriveTerms.of_spec(model.spec)
     full = FullRegressor(model, replace(stated, viscous=every_joint, coulomb=every_joint, offset=every_joint))
-    kept = structure_of(full, full.names, n, possible=assembled(model)).kept
+    kept = structure_of(full, full.names, n, possible=assembly_mask(model)).kept
     changing = [i for i in kept if full.columns[i].kind in FRICTION]
     lasting = [i for i in kept if i not in changing]
     parts, blocks = [], []
@@ -126,14 +126,14 @@ def identify_gains(
             return np.concatenate(columns, axis=-1)
 
         width = len(kept) + len(changing) + 1
-        found, rows = factored(recordings, RowMaker(regressor, tuning.processing, width, slow=slow.speeds))
-        parts.append(found)
+        factors, rows = factors_and_blocks(recordings, RowMaker(regressor, tuning.processing, width, slow=slow.speeds))
+        parts.append(factors)
         blocks.append(rows)
-    fitted = _fitted(parts[0].merged(parts[1]), chain(*blocks), every[0].joints, tuning)
+    fitted = _fit_gains(parts[0].merge(parts[1]), chain(*blocks), every[0].joints, tuning)
     return replace(fitted, notes=(*slow.sentences(), *fitted.notes))
 
 
-def _fitted(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str], tuning: Tuning) -> DriveGains:
+def _fit_gains(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str], tuning: Tuning) -> DriveGains:
     """Fit the parameters beta (p,) and the inverse gains h (n,): ``I_j = h_j (W_j beta + l_j)``.
 
     ``factors`` are the triangular factors of the rows, ``blocks`` the rows for the tests of the residuals.
@@ -141,7 +141,9 @@ def _fitted(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str]
     R, n = factors.R, len(factors.R)
     p = factors.parameters - 1
     W, load, current = R[..., :p], R[..., p], R[..., p + 1]
-    idle = [name for name, row, own in zip(joints, load, current, strict=True) if not _matters(row, own)]
+    idle = [
+        name for name, row, joint_current in zip(joints, load, current, strict=True) if not _matters(row, joint_current)
+    ]
     if len(idle) == n:
         raise DerivationError("the payload loads no joint: its mass is 0, or no joint that moves carries it")
     floor = np.maximum(1e-9 * np.linalg.norm(current, axis=1), np.finfo(float).tiny)
@@ -167,20 +169,20 @@ def _fitted(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str]
         A = (weights * h)[:, None, None] * W
         return np.append(solve(A.reshape(-1, p), (weights[:, None] * (current - h[:, None] * load)).ravel()).x, h)
 
-    def moved(x: Array, step: Array) -> Array:
+    def apply_step(x: Array, step: Array) -> Array:
         """The unknowns after a step; a gain keeps its sign and changes by LARGEST_STEP at most."""
         return with_parameters(x[p:] * np.clip(1.0 + step[p:] / x[p:], 1.0 / LARGEST_STEP, LARGEST_STEP))
 
     start = with_parameters(_start(W, load, current, weights))
     renew(start)
-    found = search(start, linearise, moved=moved, after=renew, steps=PASSES, small_gain=SETTLED)
-    beta, h, residual = found.state[:p], found.state[p:], residual_of(found.state)
-    both = solve(found.J, found.r, UNDETERMINED)
+    minimum = search(start, linearise, moved=apply_step, after=renew, steps=PASSES, small_gain=SETTLED)
+    beta, h, residual = minimum.state[:p], minimum.state[p:], residual_of(minimum.state)
+    both = solve(minimum.J, minimum.r, UNDETERMINED)
     inverse, weak = both.inverse[p:], np.linalg.norm(both.weak[:, p:], axis=0) > LARGEST_WEAK_PART
     freedom = max(1.0, float(np.sum(factors.counts)) - p - n)
     variance = float(np.sum((weights[:, None] * residual) ** 2)) / freedom
     white = residual_whiteness((replace(r, W=r.W * h[:, None]) for r in blocks), np.append(beta, 1.0))
-    inflation = max((each.inflation for each in white), default=1.0)  # correlated residuals count for fewer
+    inflation = max((whiteness.inflation for whiteness in white), default=1.0)  # correlated residuals count for fewer
     spread = np.linalg.norm(inverse, axis=1) * np.sqrt(variance * inflation)
     gain, std = 1.0 / h, spread / h**2
     absent = np.abs(h) < COLLAPSED

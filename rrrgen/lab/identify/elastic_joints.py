@@ -188,24 +188,26 @@ def identify_elastic_joints(
         )
     ladder = _ladder(most, shortest) if bandwidth is None else _ladder(bandwidth, shortest)
     fits: list[_Fit] = []
-    for number, each in enumerate(ladder):
+    for number, cutoff in enumerate(ladder):
         if progress is not None:
             progress(number, len(ladder), "elastic joints")
-        fits.append(_fit(model, filtered(recordings, links, each, held), each, fits[-1] if fits else None))
+        fits.append(_fit(model, filter_recordings(recordings, links, cutoff, held), cutoff, fits[-1] if fits else None))
         vague = [fit.vagueness for fit in fits]
         if bandwidth is None and len(fits) > WORSE and min(vague[-WORSE:]) > vague[-WORSE - 1]:
             break  # wider ones add noise alone
     best = fits[int(np.argmin(vague))] if bandwidth is None else fits[-1]
-    found = best.result(recordings[0].joints)
-    if not np.any(np.isfinite(found.values[:, 0])):
-        if found.unexplained.any():
-            raise DerivationError(found.notes[0])
-        bounds = ", ".join(f"{name} above {k:.3g}" for name, k in zip(found.joints, found.least, strict=True))
+    elastic_joints = best.result(recordings[0].joints)
+    if not np.any(np.isfinite(elastic_joints.values[:, 0])):
+        if elastic_joints.unexplained.any():
+            raise DerivationError(elastic_joints.notes[0])
+        bounds = ", ".join(
+            f"{name} above {k:.3g}" for name, k in zip(elastic_joints.joints, elastic_joints.least, strict=True)
+        )
         raise DerivationError(
             "no joint shows that it is elastic: excite the joints up to their resonances. "
             f"The stiffnesses, N m/rad (N/m), are {bounds}"
         )
-    return found
+    return elastic_joints
 
 
 def _check(model: Any, recordings: Sequence[Log], links: Sequence[Log]) -> None:
@@ -258,32 +260,32 @@ def kernels(bandwidth: float, period: float, held: bool = False) -> list[Array]:
     if held:
         x = np.clip(0.5 * w * period, 1e-9, HELD_BELOW)
         response *= np.tan(x) / x
-    found = []
+    filters = []
     for order in range(ORDERS + 1):
         kernel = np.fft.irfft(response * (1j * w) ** order, size)
-        found.append(np.concatenate([kernel[-half:], kernel[: half + 1]]))
-    return found
+        filters.append(np.concatenate([kernel[-half:], kernel[: half + 1]]))
+    return filters
 
 
-def filtered(recordings: Sequence[Log], links: Sequence[Log], bandwidth: float, held: bool) -> Signals:
+def filter_recordings(recordings: Sequence[Log], links: Sequence[Log], bandwidth: float, held: bool) -> Signals:
     """Filter all stretches of the ``recordings`` and take :data:`ROWS_PER_PERIOD` rows per period of ``bandwidth``.
 
     ``held`` says that the drives hold their torques from one sample to the next.
     """
-    found: list[Signals] = []
+    stretches: list[Signals] = []
     for recording, link in zip(recordings, links or (None,) * len(recordings), strict=True):
-        bank, of_torque = (kernels(bandwidth, recording.period, each) for each in (False, held))
+        bank, of_torque = (kernels(bandwidth, recording.period, is_held) for is_held in (False, held))
         step = max(1, int(1.0 / (ROWS_PER_PERIOD * bandwidth * recording.period)))
         positions = iter(link.parts()) if link is not None else None
         for part in recording.parts():
             beside = next(positions).q if positions is not None else None
-            for signals in _stretch(part.aligned(), beside, bank, of_torque, step):
-                found.append(signals._replace(stretch=np.full(len(signals.t), len(found), np.int64)))
-    if not found:
+            for signals in _stretch(part.align_torques(), beside, bank, of_torque, step):
+                stretches.append(signals._replace(stretch=np.full(len(signals.t), len(stretches), np.int64)))
+    if not stretches:
         raise InputError(f"every stretch of the recording is shorter than a filter of {bandwidth:.3g} Hz")
-    joined = [np.concatenate([s[k] for s in found], axis=axis) for k, axis in ((0, 0), (1, 1), (2, 1), (3, 1))]
-    link_rows = None if found[0].link is None else np.concatenate([s.link for s in found if s.link is not None])
-    use, stretch = np.concatenate([s.use for s in found]), np.concatenate([s.stretch for s in found])
+    joined = [np.concatenate([s[k] for s in stretches], axis=axis) for k, axis in ((0, 0), (1, 1), (2, 1), (3, 1))]
+    link_rows = None if stretches[0].link is None else np.concatenate([s.link for s in stretches if s.link is not None])
+    use, stretch = np.concatenate([s.use for s in stretches]), np.concatenate([s.stretch for s in stretches])
     return Signals(joined[0], joined[1], joined[2], joined[3], link_rows, use, stretch)
 
 
@@ -341,9 +343,9 @@ def _fit(model: Any, signals: Signals, bandwidth: float, before: _Fit | None) ->
     starts = [*rough.starts(), *([] if before is None else [before.end.state])]
     if before is not None and np.all(before.elastic):
         starts = starts[-1:]
-    x = min((rough.searched(start, ROUGH_STEPS) for start in starts), key=lambda each: each.cost).state
+    x = min((rough.search_from(start, ROUGH_STEPS) for start in starts), key=lambda minimum: minimum.cost).state
     for _ in range(PASSES):
-        fit.end = fit.searched(x, STEPS)
+        fit.end = fit.search_from(x, STEPS)
         x = fit.end.state
         fit.reweight(x)
     fit.rigid_error = rough.rigid_error
@@ -363,7 +365,7 @@ class _Fit:
 
     def __init__(self, model: Any, signals: Signals, bandwidth: float) -> None:
         self.model, self.signals, self.bandwidth, self.n = model, signals, bandwidth, int(model.n)
-        size = _spread(signals.tau[0], signals.use)
+        size = _rms(signals.tau[0], signals.use)
         largest = float(np.max(size))
         if not largest > 0.0:
             raise DerivationError("all torques of the recording are zero, or none of them is valid")
@@ -372,7 +374,7 @@ class _Fit:
         self.size = np.maximum(size, 1e-9 * largest)
         self.weights = 1.0 / self.size
         if signals.link is not None:
-            read = _spread(signals.theta[0] - signals.link, signals.use)
+            read = _rms(signals.theta[0] - signals.link, signals.use)
             self.weights = np.append(self.weights, 1.0 / np.maximum(read, np.finfo(float).tiny))
 
     def with_rows(self, rows: slice) -> _Fit:
@@ -386,7 +388,7 @@ class _Fit:
 
     # -- torques that are transmitted, deflections, rows -----------------------------------------------------------
 
-    def transmitted(self, x: Array) -> Array:
+    def transmitted_torque(self, x: Array) -> Array:
         """The torque of the springs and dampers and its derivatives of order 1 to 5, (6, N, n)."""
         s, (_, _, J, f) = self.signals, self._unknowns(x)
         return np.asarray(s.tau - J * s.theta[2:] - np.einsum("kNjp,jp->kNj", s.friction, f))
@@ -398,14 +400,14 @@ class _Fit:
     def _motion(self, x: Array, u: Array) -> tuple[Array, Array, Array]:
         """Positions, speeds and accelerations (N, n) of the links, behind springs and dampers that transmit ``u``.
 
-        ``u`` (6, N, n) are those torques and their derivatives, as of :meth:`transmitted`.
+        ``u`` (6, N, n) are those torques and their derivatives, as of :meth:`transmitted_torque`.
         """
         c, T, _, _ = self._unknowns(x)
-        return tuple(self.signals.theta[:3] - c * _damped(u, T))
+        return tuple(self.signals.theta[:3] - c * _damped_deflection(u, T))
 
     def rows(self, x: Array) -> tuple[Array, Array]:
         """Regressor (N, m, b) of beta and right-hand side (N, m), of the torques and then of the link positions."""
-        u = self.transmitted(x)
+        u = self.transmitted_torque(x)
         motion = self._motion(x, u)
         W, y = np.asarray(self.model.regressor(*motion)), u[0]
         if self.signals.link is not None:
@@ -416,24 +418,24 @@ class _Fit:
     def derivatives(self, x: Array, beta: Array) -> Array:
         """Derivatives (N, m, 6 n) of ``y - W beta`` by the unknowns, at fixed beta."""
         s, n, (c, T, _, _) = self.signals, self.n, self._unknowns(x)
-        u = self.transmitted(x)
+        u = self.transmitted_torque(x)
         motion = self._motion(x, u)
-        found = np.zeros((len(s.t), n if s.link is None else 2 * n, len(x)))
+        derivatives = np.zeros((len(s.t), n if s.link is None else 2 * n, len(x)))
         for j in range(n):
             # of the transmitted torque, which J and friction change, and of the deflection
-            own = [-s.theta[2:, :, j], *(-s.friction[:, :, j, p] for p in range(len(FRICTION)))]
+            effects = [-s.theta[2:, :, j], *(-s.friction[:, :, j, p] for p in range(len(FRICTION)))]
             places = [2 * n + j, *(3 * n + len(FRICTION) * j + p for p in range(len(FRICTION)))]
             mine = u[:, :, j]
-            bends = [(j, _damped(mine, T[j])), (n + j, c[j] * _damped_by_time(mine, T[j]))]
-            bends += [(k, c[j] * _damped(v, T[j])) for k, v in zip(places, own, strict=True)]
-            for k, v in zip(places, own, strict=True):
-                found[:, j, k] = v[0]
+            bends = [(j, _damped_deflection(mine, T[j])), (n + j, c[j] * _damped_by_time(mine, T[j]))]
+            bends += [(k, c[j] * _damped_deflection(v, T[j])) for k, v in zip(places, effects, strict=True)]
+            for k, v in zip(places, effects, strict=True):
+                derivatives[:, j, k] = v[0]
             by = [self._torque_by(motion, order, j, beta) for order in range(3)]
             for k, bent in bends:
-                found[:, :n, k] += sum(part * moved[:, None] for part, moved in zip(by, bent, strict=True))
+                derivatives[:, :n, k] += sum(part * moved[:, None] for part, moved in zip(by, bent, strict=True))
                 if s.link is not None:
-                    found[:, n + j, k] = bent[0]
-        return found
+                    derivatives[:, n + j, k] = bent[0]
+        return derivatives
 
     def _torque_by(self, motion: tuple[Array, Array, Array], order: int, j: int, beta: Array) -> Array:
         """Derivative (N, n) of the torques of the links by position, speed or acceleration (``order``) of joint j.
@@ -449,7 +451,7 @@ class _Fit:
 
     # -- search ----------------------------------------------------------------------------------------------------
 
-    def linearised(self, x: Array) -> tuple[Array, Array]:
+    def linearise(self, x: Array) -> tuple[Array, Array]:
         """Weighted residuals with beta projected out, and their derivatives by the unknowns."""
         W, y = self.rows(x)
         weights = self._row_weights()
@@ -468,27 +470,27 @@ class _Fit:
 
     def residual(self, x: Array) -> Array:
         """Residuals (N, m) at the unknowns ``x``, with the beta that fits best."""
-        self.linearised(x)
+        self.linearise(x)
         W, y = self.rows(x)
         return np.asarray(y - W @ self.beta)
 
-    def searched(self, x: Array, steps: int) -> Search[Array]:
+    def search_from(self, x: Array, steps: int) -> Search[Array]:
         """The unknowns that fit best, from ``x``."""
-        return search(x, self.linearised, moved=self._moved, steps=steps, small_gain=SETTLED)
+        return search(x, self.linearise, moved=self._apply_step, steps=steps, small_gain=SETTLED)
 
-    def _moved(self, x: Array, step: Array) -> Array:
+    def _apply_step(self, x: Array, step: Array) -> Array:
         """The unknowns after a step: compliances and inertias stay positive and change by a factor of e at most."""
         n = self.n
-        found = x + step
+        unknowns = x + step
         for part in (slice(0, n), slice(2 * n, 3 * n)):
-            found[part] = x[part] * np.exp(np.clip(step[part] / x[part], -1.0, 1.0))
+            unknowns[part] = x[part] * np.exp(np.clip(step[part] / x[part], -1.0, 1.0))
         largest = LONG / (2.0 * pi * self.bandwidth)
-        found[n : 2 * n] = x[n : 2 * n] + np.clip(step[n : 2 * n], -largest, largest)
-        return found
+        unknowns[n : 2 * n] = x[n : 2 * n] + np.clip(step[n : 2 * n], -largest, largest)
+        return unknowns
 
     def reweight(self, x: Array) -> None:
         """Weights by the residuals at ``x``; never more than round-off of the torques deserves."""
-        left = _spread(self.residual(x), np.tile(self.signals.use, self.weights.size // self.n))
+        left = _rms(self.residual(x), np.tile(self.signals.use, self.weights.size // self.n))
         self.weights = 1.0 / np.maximum(left, 1e-12 / self.weights)
 
     def starts(self) -> Iterator[Array]:
@@ -508,14 +510,14 @@ class _Fit:
     def _rigid_friction(self) -> Array:
         """Friction (n, 3) of the rigid model; its base parameters become beta, its relative errors ``rigid_error``."""
         s, n = self.signals, self.n
-        own = np.concatenate([s.theta[2][..., None], s.friction[0]], axis=-1)  # rotor inertia and friction
-        drives = np.zeros((len(s.t), n, n, own.shape[-1]))
-        drives[:, range(n), range(n)] = own
+        rotor_columns = np.concatenate([s.theta[2][..., None], s.friction[0]], axis=-1)  # rotor inertia and friction
+        drives = np.zeros((len(s.t), n, n, rotor_columns.shape[-1]))
+        drives[:, range(n), range(n)] = rotor_columns
         A = np.concatenate([np.asarray(self.model.regressor(*s.theta[:3])), drives.reshape(len(s.t), n, -1)], axis=-1)
         weights = np.where(s.use, 1.0 / self.size, 0.0)
         fit = solve((A * weights[..., None]).reshape(-1, A.shape[-1]), (s.tau[0] * weights).ravel())
-        self.beta = fit.x[: -drives.shape[2] * own.shape[-1]]
-        self.rigid_error = _spread(s.tau[0] - A @ fit.x, s.use) / self.size
+        self.beta = fit.x[: -drives.shape[2] * rotor_columns.shape[-1]]
+        self.rigid_error = _rms(s.tau[0] - A @ fit.x, s.use) / self.size
         return np.asarray(fit.x[len(self.beta) :].reshape(n, -1)[:, 1:])
 
     # -- result ----------------------------------------------------------------------------------------------------
@@ -532,7 +534,7 @@ class _Fit:
         lags = max(correlation_lags(white) for white in residual_whiteness([rows], estimate.x))
         covariance = correlated_covariance([rows], estimate, lags, lambda x: x, np.eye(A.shape[-1]))
         self.covariance = covariance[: 6 * n, : 6 * n]
-        self.error = _spread(left, use)[:n] / self.size
+        self.error = _rms(left, use)[:n] / self.size
         c, spread = x[:n], np.sqrt(np.maximum(np.diag(self.covariance)[:n], 0.0))
         self.elastic = c > TELLING * spread
         self.vagueness = float(np.sum(np.log(np.maximum(spread, 1e-300) / np.maximum(np.abs(c), 1e-300))))
@@ -588,7 +590,7 @@ class _Fit:
         return tuple(notes)
 
 
-def _damped(u: Array, T: Array | float) -> Array:
+def _damped_deflection(u: Array, T: Array | float) -> Array:
     """Deflection times stiffness and its first two derivatives, (3, ..), under torques ``u`` (6, ..) with derivatives.
 
     ``(1 + T s)^-1 u`` to the order :data:`DAMPER` in the time T of the damper.
@@ -597,11 +599,11 @@ def _damped(u: Array, T: Array | float) -> Array:
 
 
 def _damped_by_time(u: Array, T: float) -> Array:
-    """Derivative (3, ..) of :func:`_damped` by the time ``T``."""
+    """Derivative (3, ..) of :func:`_damped_deflection` by the time ``T``."""
     return np.asarray(sum(-k * (-T) ** (k - 1) * u[k : k + 3] for k in range(1, DAMPER + 1)))
 
 
-def _spread(x: Array, use: NDArray[np.bool_]) -> Array:
+def _rms(x: Array, use: NDArray[np.bool_]) -> Array:
     """Root mean square (m,) of the columns of x (N, m) over the samples in use."""
     counts = np.maximum(1, np.sum(use, axis=0))
     return np.asarray(np.sqrt(np.sum(np.where(use, x, 0.0) ** 2, axis=0) / counts))

@@ -48,10 +48,10 @@ class _Task:
         start, duration = self.spans[window.recording]
         total: list[JointFactors | None] = [None, None]
         for rows in self.maker.rows(window):
-            for i, chosen in enumerate((self.split.fitted, self.split.scored)):
-                part = factor_rows(rows.chosen(chosen(rows.t, start, duration)))
+            for i, chosen in enumerate((self.split.is_fitted, self.split.is_scored)):
+                part = factor_rows(rows.use_only(chosen(rows.t, start, duration)))
                 before = total[i]
-                total[i] = part if before is None else before.merged(part)
+                total[i] = part if before is None else before.merge(part)
         fit, score = total
         if fit is None or score is None:  # all samples of the window are near the ends of their stretch
             joints, size = window.part.q.shape[1], self.maker.columns + 1
@@ -100,8 +100,8 @@ class _State:
             self._read(path)
 
     def add(self, fit: JointFactors, score: JointFactors, samples: int) -> None:
-        self.fit = fit if self.fit is None else self.fit.merged(fit)
-        self.score = score if self.score is None else self.score.merged(score)
+        self.fit = fit if self.fit is None else self.fit.merge(fit)
+        self.score = score if self.score is None else self.score.merge(score)
         self.windows, self.samples = self.windows + 1, self.samples + samples
         if self.path is not None:
             self._write(self.path)
@@ -178,8 +178,8 @@ def rows_of_recordings(
     for window in observations.windows():
         start, duration = observations.recordings[window.recording].span
         for rows in observations.maker.rows(window):
-            fitted.append(rows.chosen(split.fitted(rows.t, start, duration)))
-            scored.append(rows.chosen(split.scored(rows.t, start, duration)))
+            fitted.append(rows.use_only(split.is_fitted(rows.t, start, duration)))
+            scored.append(rows.use_only(split.is_scored(rows.t, start, duration)))
             state.add(factor_rows(fitted[-1]), factor_rows(scored[-1]), 0)
         state.samples += window.stop - window.start
         if progress is not None:
@@ -201,7 +201,7 @@ class FittedRows:
         for window in self.observations.windows():
             start, duration = self.observations.recordings[window.recording].span
             for rows in self.observations.maker.rows(window):
-                yield rows.chosen(self.split.fitted(rows.t, start, duration))
+                yield rows.use_only(self.split.is_fitted(rows.t, start, duration))
 
 
 @dataclass(frozen=True)
@@ -215,4 +215,4 @@ class ScoredRows(FittedRows):
         for window in self.observations.windows():
             start, duration = self.observations.recordings[window.recording].span
             for rows in self.observations.maker.rows(window):
-                yield rows.chosen(self.split.scored(rows.t, start, duration))
+                yield rows.use_only(self.split.is_scored(rows.t, start, duration))

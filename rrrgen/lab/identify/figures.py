@@ -56,17 +56,17 @@ def plot_spectra(spectra: Spectra, joints: Sequence[str]) -> Figure:
 
     ``spectra`` (n,) are those of the joints that move, None for the others, ``joints`` (n,) their names.
     """
-    moving = [(joint, each) for joint, each in zip(joints, spectra, strict=True) if each is not None]
+    moving = [(joint, spectrum) for joint, spectrum in zip(joints, spectra, strict=True) if spectrum is not None]
     columns = min(3, len(moving))
     rows = -(-len(moving) // columns)
     figure, axes = new_figure(rows, columns, height=0.4 + 2.4 * rows)
     for axis in axes[len(moving) :]:
         axis.set_visible(False)
-    for axis, (joint, each) in zip(axes, moving, strict=False):
-        inside = (each.f > 0.0) & (each.power > 0.0)
-        axis.loglog(each.f[inside], each.power[inside], color="0.6", linewidth=0.8, label="speed")
-        axis.loglog(each.f[inside], each.floor[inside], color="C0", linewidth=1.4, label="noise floor")
-        axis.axvline(each.bandwidth, color="C1", linestyle=":", label=f"{each.bandwidth:.3g} Hz")
+    for axis, (joint, spectrum) in zip(axes, moving, strict=False):
+        inside = (spectrum.f > 0.0) & (spectrum.power > 0.0)
+        axis.loglog(spectrum.f[inside], spectrum.power[inside], color="0.6", linewidth=0.8, label="speed")
+        axis.loglog(spectrum.f[inside], spectrum.floor[inside], color="C0", linewidth=1.4, label="noise floor")
+        axis.axvline(spectrum.bandwidth, color="C1", linestyle=":", label=f"{spectrum.bandwidth:.3g} Hz")
         axis.legend(loc="lower left", fontsize=8)
         style_axes(axis, "frequency [Hz]", f"{joint}: power density")
     return figure
@@ -78,8 +78,8 @@ def plot_bode(matrices: Sequence[KalmanMatrices], joints: Sequence[str], smoothe
     With ``smoother``, the magnitude of the smoother is added as dotted lines; its phase is zero.
     """
     figure, axes = new_figure(2, 1, height=4.6, sharex=True)
-    for k, (joint, each) in enumerate(zip(joints, matrices, strict=True)):
-        data = bode_data(each)
+    for k, (joint, joint_matrices) in enumerate(zip(joints, matrices, strict=True)):
+        data = bode_data(joint_matrices)
         # curves of equally tuned joints coincide: later ones are drawn thinner and dashed, so that all stay visible
         style = {"linewidth": max(1.0, 3.2 - 1.1 * k), "linestyle": STYLES[k % len(STYLES)], "color": f"C{k}"}
         axes[0].semilogx(data[:, 0], data[:, 1], label=joint, **style)
@@ -167,8 +167,8 @@ MOST_POINTS = 20_000
 class TorqueCurves:
     """Measured and modelled torques (N, n), N m (N), at the times ``t`` (N,), s; ``use`` (N, n): samples used.
 
-    ``spread`` (N, n) is the standard deviation of the measured torque about the model, ``own`` (N, n) the part of it
-    that the parameters cause; None if unknown.
+    ``spread`` (N, n) is the standard deviation of the measured torque about the model, ``parameter_spread`` (N, n) the
+    part of it that the parameters cause; None if unknown.
     """
 
     t: Array
@@ -176,16 +176,16 @@ class TorqueCurves:
     model: Array
     use: NDArray[np.bool_]
     spread: Array | None = None
-    own: Array | None = None
+    parameter_spread: Array | None = None
 
-    def halved(self) -> TorqueCurves:
+    def halve(self) -> TorqueCurves:
         """A copy with every second sample only, to bound the number of points."""
         return TorqueCurves(*(None if part is None else part[::2] for part in self.parts))  # type: ignore[arg-type]
 
     @property
     def parts(self) -> tuple[Any, ...]:
         """The arrays of all fields, in the order of the fields."""
-        return (self.t, self.measured, self.model, self.use, self.spread, self.own)
+        return (self.t, self.measured, self.model, self.use, self.spread, self.parameter_spread)
 
 
 def torque_curves(
@@ -203,13 +203,13 @@ def torque_curves(
         W = rows.W[chosen]
         spread = (None, None) if band is None else (band.factor / BAND * band.total(W), band.parameters(W))
         new = TorqueCurves(rows.t[chosen], rows.tau[chosen], W @ theta, rows.use[chosen], *spread)
-        kept = new if kept is None else _joined(kept, new)
+        kept = new if kept is None else _join_curves(kept, new)
         while len(kept.t) > most:
-            kept, step = kept.halved(), 2 * step
+            kept, step = kept.halve(), 2 * step
     return kept if kept is not None and kept.use.any() else None
 
 
-def _joined(a: TorqueCurves, b: TorqueCurves) -> TorqueCurves:
+def _join_curves(a: TorqueCurves, b: TorqueCurves) -> TorqueCurves:
     pairs = zip(a.parts, b.parts, strict=True)
     return TorqueCurves(*(None if x is None else np.concatenate([x, y]) for x, y in pairs))  # type: ignore[arg-type]
 
@@ -237,7 +237,10 @@ def plot_torque_curves(
         torque.plot(curves.t, curves.measured[:, i], color="0.72", linewidth=2.2, label="measured")
         torque.plot(curves.t, curves.model[:, i], color="0.45", linewidth=0.5)
         torque.plot(curves.t, curves.model[:, i] * used, color="C0", linewidth=1.0, label="model")
-        for part, shade, name in ((curves.spread, "0.9", "95 % band"), (curves.own, "0.7", "of it from parameters")):
+        for part, shade, name in (
+            (curves.spread, "0.9", "95 % band"),
+            (curves.parameter_spread, "0.7", "of it from parameters"),
+        ):
             if part is not None:
                 half = BAND * part[:, i] * used
                 residual.fill_between(curves.t, -half, half, color=shade, linewidth=0.0, label=name)
@@ -278,17 +281,19 @@ def plot_friction(
         if i >= n:
             axis.set_visible(False)
             continue
-        own = [k for k, column in enumerate(columns) if column.kind in ("viscous", "coulomb", "offset", "law")]
-        own = [k for k in own if not columns[k].name.startswith(LOAD)]  # the line is that without load
-        own = [k for k in own if sum(w != 0.0 for w in columns[k].direction) == 1 and columns[k].direction[i] != 0.0]
+        indices = [k for k, column in enumerate(columns) if column.kind in ("viscous", "coulomb", "offset", "law")]
+        indices = [k for k in indices if not columns[k].name.startswith(LOAD)]  # the line is that without load
+        indices = [
+            k for k in indices if sum(w != 0.0 for w in columns[k].direction) == 1 and columns[k].direction[i] != 0.0
+        ]
         speed, use = sample.dq[:, i], sample.use[:, i]
-        cloud = rest[:, i] + W[:, i, own] @ theta[own]
+        cloud = rest[:, i] + W[:, i, indices] @ theta[indices]
         axis.plot(speed[use], cloud[use], ".", markersize=2.0, color="0.6", label="measured less the rest of the model")
         low, high = min(0.0, float(np.min(speed))), max(0.0, float(np.max(speed)))
         for a, b in ((low, -1e-6), (1e-6, high)):
             v = np.zeros((50, n))
             v[:, i] = np.linspace(a, b, 50)
-            law = _friction_at(v, own, columns, theta, surfaces)[:, i]
+            law = _friction_at(v, indices, columns, theta, surfaces)[:, i]
             axis.plot(v[:, i], law, color="C0", linewidth=1.4, label="identified law" if a < 0.0 else None)
         unit, speeds = ("N m", "rad/s") if revolute[i] else ("N", "m/s")
         style_axes(axis, f"speed of {joints[i]} [{speeds}]", f"friction [{unit}]")
@@ -297,10 +302,10 @@ def plot_friction(
 
 
 def _friction_at(
-    v: Array, own: Sequence[int], columns: Sequence[Column], theta: Array, surfaces: Sequence[FrictionSurface]
+    v: Array, indices: Sequence[int], columns: Sequence[Column], theta: Array, surfaces: Sequence[FrictionSurface]
 ) -> Array:
-    """Friction torques (N, n) of the columns ``own`` at the speeds ``v`` (N, n), in sliding."""
-    linear = [k for k in own if columns[k].kind != "law"]
+    """Friction torques (N, n) of the columns ``indices`` at the speeds ``v`` (N, n), in sliding."""
+    linear = [k for k in indices if columns[k].kind != "law"]
     torque = drive_columns([columns[k] for k in linear], v, np.zeros_like(v)) @ theta[linear]
     laws = [k for k, column in enumerate(columns) if column.kind == "law"]
-    return np.asarray(torque + law_columns(surfaces, v) @ np.where(np.isin(laws, own), theta[laws], 0.0))
+    return np.asarray(torque + law_columns(surfaces, v) @ np.where(np.isin(laws, indices), theta[laws], 0.0))

@@ -97,14 +97,14 @@ def on_floating_base(recordings: Sequence[Recording]) -> bool:
 
 def measured_rows(recordings: Sequence[Recording]) -> NDArray[np.bool_]:
     """Mask (n,) of the torques that are measured somewhere in ``recordings``."""
-    found = np.zeros(len(recordings[0].joints), bool)
+    mask = np.zeros(len(recordings[0].joints), bool)
     for recording in recordings:
         for part in recording.parts():
             if part.tau is not None:
-                found |= part.valid.any(axis=0)
-            if found.all():
-                return found
-    return found
+                mask |= part.valid.any(axis=0)
+            if mask.all():
+                return mask
+    return mask
 
 
 def check_base(recordings: Sequence[Recording]) -> bool:

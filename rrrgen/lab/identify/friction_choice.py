@@ -130,14 +130,16 @@ class FrictionFit:
         lines = []
         if self.table:
             rows = [("law", "in sample", "held out", *self.joints)]
-            for each in self.table:
-                values = (each.in_sample, each.held_out, *each.joints)
-                rows.append((each.law, *(f"{100 * value:.3g} %" for value in values)))
+            for candidate in self.table:
+                values = (candidate.in_sample, candidate.held_out, *candidate.joints)
+                rows.append((candidate.law, *(f"{100 * value:.3g} %" for value in values)))
             lines.append("friction laws at all joints: relative torque error, cross-validated within the fitted data")
             lines += text_table(rows, width, indent="", right=range(1, len(rows[0])))
         for name, surface, std in zip(self.names, self.surfaces, self.std, strict=True):
-            found = zip(surface.definition.shapes, surface.shapes, std, strict=True)
-            shapes = ", ".join(f"{shape} {value:.3g} (factor {np.exp(spread):.2g})" for shape, value, spread in found)
+            estimates = zip(surface.definition.shapes, surface.shapes, std, strict=True)
+            shapes = ", ".join(
+                f"{shape} {value:.3g} (factor {np.exp(spread):.2g})" for shape, value, spread in estimates
+            )
             lines.append(f"friction of {name}: {surface.law}{': ' + shapes if shapes else ''}")
         return lines
 
@@ -153,7 +155,7 @@ class FrictionFit:
                 }
                 for name, surface, std in zip(self.names, self.surfaces, self.std, strict=True)
             ],
-            "candidates": [vars(each) for each in self.table],
+            "candidates": [vars(candidate) for candidate in self.table],
         }
 
 
@@ -203,7 +205,7 @@ def _owner_names(spec: Any) -> dict[str, str]:
     endings = {f"{i + 1}": joint.name for i, joint in enumerate(spec.joints)}
     if spec.drives is not None:
         endings |= {f"_{motor.name}": motor.name for motor in spec.drives.motors}
-    return {endings[each.owner]: each.owner for each in surfaces_with(spec, LINEAR)}
+    return {endings[surface.owner]: surface.owner for surface in surfaces_with(spec, LINEAR)}
 
 
 def fit_friction(
@@ -224,7 +226,7 @@ def fit_friction(
     """
     tell = tell or (lambda message: None)
     owners = {owner: name for name, owner in _owner_names(model.spec).items()}
-    stated = {each.owner: each for each in stated_surfaces(model.spec)}
+    stated = {surface.owner: surface for surface in stated_surfaces(model.spec)}
     wanted = {
         owner: choice.law_of(name, stated[owner].law if owner in stated else LINEAR) for owner, name in owners.items()
     }
@@ -233,13 +235,13 @@ def fit_friction(
     problems = _Problems(model, recordings, processing, terms, known)
     table: tuple[LawErrors, ...] = ()
     if AUTO in wanted.values():
-        table = tuple(_compared(problems, model.spec, wanted, split, tell))
-        wanted |= _chosen(table, surfaces_with(model.spec, LINEAR), wanted)
+        table = tuple(_compare_laws(problems, model.spec, wanted, split, tell))
+        wanted |= _choose_laws(table, surfaces_with(model.spec, LINEAR), wanted)
     surfaces = _surfaces(model.spec, wanted, stated)
     tell("shapes of the friction laws")
     problem, regressor = problems.of(surfaces)
-    fitted, load = tune_under_load(problem, regressor, surfaces, problem.fitted(split))
-    named = tuple(owners[each.owner] for each in fitted.surfaces)
+    fitted, load = tune_under_load(problem, regressor, surfaces, problem.fitted_rows(split))
+    named = tuple(owners[surface.owner] for surface in fitted.surfaces)
     return FrictionFit(fitted.surfaces, fitted.std, named, tuple(recordings[0].joints), table, load)
 
 
@@ -270,26 +272,36 @@ def _surfaces(
 
     Those that the robot file states with the same law, in ``stated``, bring their shape parameters as initial values.
     """
-    found = []
-    for each in surfaces_with(spec, LINEAR):
-        law = wanted[each.owner]
-        own = stated.get(each.owner)
+    surfaces = []
+    for surface in surfaces_with(spec, LINEAR):
+        law = wanted[surface.owner]
+        stated_surface = stated.get(surface.owner)
         if law != LINEAR:
-            found.append(replace(each, law=law, shapes=own.shapes if own is not None and own.law == law else ()))
-    return tuple(found)
+            surfaces.append(
+                replace(
+                    surface,
+                    law=law,
+                    shapes=stated_surface.shapes if stated_surface is not None and stated_surface.law == law else (),
+                )
+            )
+    return tuple(surfaces)
 
 
-def _compared(problems: _Problems, spec: Any, wanted: Mapping[str, str], split: Split, tell: Tell) -> list[LawErrors]:
+def _compare_laws(
+    problems: _Problems, spec: Any, wanted: Mapping[str, str], split: Split, tell: Tell
+) -> list[LawErrors]:
     """Errors of every candidate law at the joints and motors whose law is to be chosen.
 
     Each is tuned on one half of the fitted data and scored on the other, and vice versa.
     """
-    found = []
+    table = []
     for law in CANDIDATES:
         tell(f"friction law {law}, cross-validated")
-        surfaces = _surfaces(spec, {owner: law if each == AUTO else each for owner, each in wanted.items()}, {})
+        surfaces = _surfaces(
+            spec, {owner: law if wanted_law == AUTO else wanted_law for owner, wanted_law in wanted.items()}, {}
+        )
         problem, regressor = problems.of(surfaces)
-        use = problem.fitted(split)
+        use = problem.fitted_rows(split)
         halves = _halves(problem, use)
         size, inside, inside_size = (np.zeros(use.shape[1]) for _ in range(3))
         squares = np.zeros((BLOCKS, use.shape[1]))
@@ -300,7 +312,7 @@ def _compared(problems: _Problems, spec: Any, wanted: Mapping[str, str], split: 
             size += _sums(problem.tau, other)
             inside += _sums(fitted.residual, use & half[:, None])
             inside_size += _sums(problem.tau, use & half[:, None])
-        found.append(
+        table.append(
             LawErrors(
                 law,
                 float(np.sqrt(np.sum(inside) / np.sum(inside_size))),
@@ -309,7 +321,7 @@ def _compared(problems: _Problems, spec: Any, wanted: Mapping[str, str], split: 
                 tuple(tuple(row) for row in squares.tolist()),
             )
         )
-    return found
+    return table
 
 
 def _halves(problem: Problem, use: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -330,12 +342,12 @@ def _sums(values: Array, use: NDArray[np.bool_]) -> Array:
 
 def _block_sums(values: Array, chosen: NDArray[np.bool_], use: NDArray[np.bool_]) -> Array:
     """Sums (blocks, n) of squares of ``values`` (r, n) in the rows ``chosen`` of every block of the rows ``use``."""
-    found = np.zeros((BLOCKS, values.shape[1]))
-    np.add.at(found, _parts(use, BLOCKS), np.where(chosen, values, 0.0) ** 2)
-    return found
+    sums = np.zeros((BLOCKS, values.shape[1]))
+    np.add.at(sums, _parts(use, BLOCKS), np.where(chosen, values, 0.0) ** 2)
+    return sums
 
 
-def _chosen(
+def _choose_laws(
     table: Sequence[LawErrors], surfaces: Sequence[FrictionSurface], wanted: Mapping[str, str]
 ) -> dict[str, str]:
     """Choose the law of every joint and motor ("surface") whose law is open; in general all get a common law.
@@ -345,24 +357,24 @@ def _chosen(
     other is better there, and gets another than the common law if this lowers its errors, over blocks of rows, by more
     than :data:`SIGNIFICANT` standard errors.
     """
-    squares = np.array([each.squares for each in table])  # (laws, blocks, n)
+    squares = np.array([candidate.squares for candidate in table])  # (laws, blocks, n)
     least = np.maximum(np.min(np.sum(squares, axis=1), axis=0), np.finfo(float).tiny)
     chosen = [surface for surface in surfaces if wanted[surface.owner] == AUTO]
     blocks = np.array([np.mean((squares / least)[..., list(surface.joints)], axis=-1) for surface in chosen])
     errors = np.sum(blocks, axis=-1)  # (surfaces, laws)
     common = _simplest(np.mean(errors, axis=0))
-    found = {}
-    for surface, own, parts in zip(chosen, errors, blocks, strict=True):
+    laws = {}
+    for surface, law_errors, parts in zip(chosen, errors, blocks, strict=True):
         gain = parts[common] - parts
         spread = np.maximum(np.std(gain, axis=-1, ddof=1) / np.sqrt(BLOCKS), np.finfo(float).tiny)
         better = np.mean(gain, axis=-1) > SIGNIFICANT * spread
         law = common
-        if _simplest(own) == 0:
+        if _simplest(law_errors) == 0:
             law = 0
         elif better.any():
-            law = _simplest(np.where(better, own, np.inf))
-        found[surface.owner] = table[law].law
-    return found
+            law = _simplest(np.where(better, law_errors, np.inf))
+        laws[surface.owner] = table[law].law
+    return laws
 
 
 def _simplest(squares: Array) -> int:

@@ -78,10 +78,10 @@ class FrictionSurface:
         speed = np.where(np.abs(speed) > STANDSTILL, speed, 0.0)
         at = np.sign(speed) if s is None or not self.has_state else s
         law = self.definition
-        found = [factor + 0.0 * speed for factor in law.factors(NUMPY, speed, at, self.shapes)]
+        factors = [factor + 0.0 * speed for factor in law.factors(NUMPY, speed, at, self.shapes)]
         if law.has_load:
-            found.append(at * np.abs(along(self.carried, load)) if load is not None else 0.0 * speed)
-        return np.stack(found, axis=-1)
+            factors.append(at * np.abs(along(self.carried, load)) if load is not None else 0.0 * speed)
+        return np.stack(factors, axis=-1)
 
 
 def along(direction: Sequence[float], values: Array) -> Array:
@@ -99,10 +99,10 @@ def law_columns(
     """
     n, parts, state = dq.shape[-1], [], 0
     for surface in surfaces:
-        own = None if s is None or not surface.has_state else s[..., state]
+        friction_direction = None if s is None or not surface.has_state else s[..., state]
         state += int(surface.has_state)
         weights = np.array([surface.direction[i] for i in range(n)])
-        parts.append(weights[:, None] * surface.factors(dq, own, load)[..., None, :])
+        parts.append(weights[:, None] * surface.factors(dq, friction_direction, load)[..., None, :])
     return np.concatenate(parts, axis=-1) if parts else np.zeros((*dq.shape, 0))
 
 
@@ -129,17 +129,21 @@ class Sliding:
         between samples for the mean of their speeds: over the travel x in one direction, the deflection approaches that
         in steady sliding, ``reach``, by exp(-|x| / reach).
         """
-        x, v = (np.stack([along(each.direction, y) for each in self.surfaces], axis=-1) for y in (q, dq))
+        x, v = (np.stack([along(surface.direction, y) for surface in self.surfaces], axis=-1) for y in (q, dq))
         travel, reach = np.diff(x, axis=0), self._reach((v[1:] + v[:-1]) / 2.0)
         kept = np.exp(-np.abs(travel) / reach)
         added = -np.expm1(-np.abs(travel) / reach) * np.sign(travel) * reach
-        own = self._reach(v)
-        return recursion(np.vstack([np.zeros_like(start), kept]), np.vstack([start * own[0], added])) / own
+        deflections = self._reach(v)
+        return (
+            recursion(np.vstack([np.zeros_like(start), kept]), np.vstack([start * deflections[0], added])) / deflections
+        )
 
     def _reach(self, v: Array) -> Array:
         """Deflections (N, m) in steady sliding forwards at the sliding speeds ``v`` (N, m)."""
-        found = [each.definition.reach(NUMPY, v[:, k], each.shapes) for k, each in enumerate(self.surfaces)]
-        return np.stack([np.broadcast_to(value, len(v)) for value in found], axis=-1)
+        deflections = [
+            surface.definition.reach(NUMPY, v[:, k], surface.shapes) for k, surface in enumerate(self.surfaces)
+        ]
+        return np.stack([np.broadcast_to(value, len(v)) for value in deflections], axis=-1)
 
 
 def recursion(a: Array, b: Array) -> Array:
@@ -155,13 +159,13 @@ def recursion(a: Array, b: Array) -> Array:
 
 def stated_laws(spec: Any) -> list[tuple[FrictionSurface, LawSpec]]:
     """Joints and motors for which the robot file states a friction law, with its shapes, each paired with that law."""
-    found = []
+    laws = []
     for owner, direction, carried, friction in _owners(spec):
         if friction is not None and friction.law is not None:
             law = LAWS[friction.law.name]
             shapes = tuple(law.split(friction.law.values)[1])
-            found.append((FrictionSurface(owner, direction, law.name, shapes, carried), friction.law))
-    return found
+            laws.append((FrictionSurface(owner, direction, law.name, shapes, carried), friction.law))
+    return laws
 
 
 def stated_surfaces(spec: Any) -> tuple[FrictionSurface, ...]:
@@ -190,16 +194,16 @@ def _owners(spec: Any) -> list[tuple[str, tuple[float, ...], tuple[float, ...], 
     """
     if spec is None:  # a model of equations alone
         return []
-    found = []
+    owners = []
     for i, joint in enumerate(spec.joints):
-        own = tuple(float(w) for w in unit(i, spec.n))
-        found.append((f"{i + 1}", own, own, joint.friction))
+        direction = tuple(float(w) for w in unit(i, spec.n))
+        owners.append((f"{i + 1}", direction, direction, joint.friction))
     if spec.drives is not None:
         rows, inverse = spec.drives.motor_from_joint, spec.drives.joint_from_motor
         for k, motor in enumerate(spec.drives.motors):
-            own, carried = (tuple(float(w) for w in values) for values in (rows.row(k), inverse.col(k)))
-            found.append((f"_{motor.name}", own, carried, motor.friction))
-    return found
+            direction, carried = (tuple(float(w) for w in values) for values in (rows.row(k), inverse.col(k)))
+            owners.append((f"_{motor.name}", direction, carried, motor.friction))
+    return owners
 
 
 def with_linear_friction(terms: DriveTerms, spec: Any) -> DriveTerms:
@@ -212,9 +216,9 @@ def with_linear_friction(terms: DriveTerms, spec: Any) -> DriveTerms:
     coupled = {drive.name: drive for drive in terms.coupled}
     for owner, surface in stated.items():
         if owner.startswith("_"):
-            own = coupled.get(owner[1:], CoupledDrive(owner[1:], surface.direction, ()))
-            kinds = dict.fromkeys((*own.terms, "viscous", "coulomb"))
-            coupled[owner[1:]] = replace(own, terms=tuple(kind for kind in KINDS if kind in kinds))
+            coupled_drive = coupled.get(owner[1:], CoupledDrive(owner[1:], surface.direction, ()))
+            kinds = dict.fromkeys((*coupled_drive.terms, "viscous", "coulomb"))
+            coupled[owner[1:]] = replace(coupled_drive, terms=tuple(kind for kind in KINDS if kind in kinds))
     return replace(terms, **both, coupled=tuple(coupled.values()))
 
 
@@ -228,11 +232,12 @@ def without_laws(terms: DriveTerms, surfaces: Sequence[FrictionSurface]) -> Driv
     two_sided = {surface.owner for surface in surfaces if surface.is_two_sided}
     gone = {"viscous": owners, "coulomb": owners, "offset": two_sided}
     kept: dict[str, Any] = {
-        kind: tuple(i for i in getattr(terms, kind) if f"{i + 1}" not in each) for kind, each in gone.items()
+        kind: tuple(i for i in getattr(terms, kind) if f"{i + 1}" not in owner_names)
+        for kind, owner_names in gone.items()
     }
     coupled: list[CoupledDrive] = []
     for drive in terms.coupled:
-        own = tuple(kind for kind in drive.terms if f"_{drive.name}" not in gone.get(kind, ()))
-        if own:
-            coupled.append(replace(drive, terms=own))
+        kinds = tuple(kind for kind in drive.terms if f"_{drive.name}" not in gone.get(kind, ()))
+        if kinds:
+            coupled.append(replace(drive, terms=kinds))
     return replace(terms, **kept, coupled=tuple(coupled))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.preprocessing import Decimator
-from rrrgen.lab.data.uniform_stream import Part, joined
+from rrrgen.lab.data.uniform_stream import Part, join_parts
 from rrrgen.lab.estimate.linear import project, solve
 from rrrgen.lab.estimate.search import search
 from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, along
@@ -70,14 +70,14 @@ class Stretch:
         sliding = Sliding.of((surface,))
         s = None if sliding is None else sliding.states(self.q, self.dq, sliding.start())[:, 0]
         factors = surface.factors(self.dq, s, self.load)
-        found = np.zeros((len(self.t), self.dq.shape[1], factors.shape[1]))
+        columns = np.zeros((len(self.t), self.dq.shape[1], factors.shape[1]))
         kept = kept_of(decimate, self.first, self.inner.start, self.inner.stop, len(self.q))
         alike = np.array_equal(self.valid, np.broadcast_to(self.valid[:, :1], self.valid.shape))
         every = decimate(factors * self.valid[:, :1], self.first)[kept] if alike else None
         for i in surface.joints:
             filtered = every if every is not None else decimate(factors * self.valid[:, [i]], self.first)[kept]
-            found[:, i] = surface.direction[i] * filtered
-        return found
+            columns[:, i] = surface.direction[i] * filtered
+        return columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class Problem:
 
         ``maker`` evaluates the columns that do not depend on friction shapes.
         """
-        found: list[Stretch] = []
+        stretches: list[Stretch] = []
         decimate = Decimator(maker.processing.decimate or 1)
         left = most
         for recording in recordings:
@@ -105,7 +105,7 @@ class Problem:
                 if not rows:
                     continue
                 motion = reconstruct(part, maker.processing)
-                found.append(
+                stretches.append(
                     Stretch(
                         motion.q,
                         motion.dq,
@@ -121,18 +121,18 @@ class Problem:
                         duration,
                     )
                 )
-        if not found:
+        if not stretches:
             raise InputError("the recordings hold no samples to which friction laws could be fitted")
-        return cls(tuple(found), decimate)
+        return cls(tuple(stretches), decimate)
 
     def under_load(self, regressor: Regressor, theta: Array) -> Problem:
         """Copy of the problem whose friction depends on the load torques ``regressor(q, dq, ddq) theta``."""
-        found = []
-        for each in self.stretches:
-            parts = range(0, len(each.q), LOAD_BLOCK)
-            motions = [[x[k : k + LOAD_BLOCK] for x in (each.q, each.dq, each.ddq)] for k in parts]
-            found.append(replace(each, load=np.concatenate([regressor(*motion) @ theta for motion in motions])))
-        return replace(self, stretches=tuple(found))
+        stretches = []
+        for stretch in self.stretches:
+            parts = range(0, len(stretch.q), LOAD_BLOCK)
+            motions = [[x[k : k + LOAD_BLOCK] for x in (stretch.q, stretch.dq, stretch.ddq)] for k in parts]
+            stretches.append(replace(stretch, load=np.concatenate([regressor(*motion) @ theta for motion in motions])))
+        return replace(self, stretches=tuple(stretches))
 
     @property
     def load(self) -> Array:
@@ -149,13 +149,13 @@ class Problem:
         """Measured torques (r, n), filtered, over all stretches."""
         return np.concatenate([stretch.tau for stretch in self.stretches])
 
-    def fitted(self, split: Split) -> NDArray[np.bool_]:
+    def fitted_rows(self, split: Split) -> NDArray[np.bool_]:
         """Mask (r, n) of the rows that are fitted."""
-        return self._use([split.fitted(s.t, s.start, s.duration) for s in self.stretches])
+        return self._use([split.is_fitted(s.t, s.start, s.duration) for s in self.stretches])
 
-    def scored(self, split: Split) -> NDArray[np.bool_]:
+    def scored_rows(self, split: Split) -> NDArray[np.bool_]:
         """Mask (r, n) of the rows that are held out."""
-        return self._use([split.scored(s.t, s.start, s.duration) for s in self.stretches])
+        return self._use([split.is_scored(s.t, s.start, s.duration) for s in self.stretches])
 
     def _use(self, masks: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
         return np.concatenate([s.use & mask[:, None] for s, mask in zip(self.stretches, masks, strict=True)])
@@ -172,18 +172,18 @@ class Problem:
 
 def _stretches(recording: Recording, most: int) -> list[Part]:
     """The whole stretches of a recording, cut after ``most`` samples in all."""
-    found: list[list[Part]] = []
+    stretches: list[list[Part]] = []
     left = most
     for part in recording.parts():
         if left <= 0:
             break
-        taken = part.sliced(0, min(len(part), left))
+        taken = part.slice_samples(0, min(len(part), left))
         left -= len(taken)
-        if found and found[-1][-1].segment == taken.segment:
-            found[-1].append(taken)
+        if stretches and stretches[-1][-1].segment == taken.segment:
+            stretches[-1].append(taken)
         else:
-            found.append([taken])
-    return [joined(parts) for parts in found if sum(map(len, parts)) > 1]
+            stretches.append([taken])
+    return [join_parts(parts) for parts in stretches if sum(map(len, parts)) > 1]
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -240,7 +240,7 @@ class _ShapeSearch:
         self.problem, self.use = problem, use
         self.surfaces = tuple(surfaces)
         self.fixed, self.tau = problem.W, problem.tau
-        self.owner = [k for k, each in enumerate(self.surfaces) for _ in each.definition.shapes]
+        self.owner = [k for k, surface in enumerate(self.surfaces) for _ in surface.definition.shapes]
         self.scale = np.log(_scales(problem, self.surfaces)) if self.owner else np.zeros(0)
         self.known: dict[tuple[int, bytes], Array] = {}
         self.weights = np.ones(self.tau.shape[1])
@@ -256,22 +256,25 @@ class _ShapeSearch:
         sigma = np.sqrt(np.sum(np.where(self.use, residual, 0.0) ** 2, axis=0) / count)
         self.weights = 1.0 / np.maximum(sigma, 1e-9 * max(float(np.max(sigma)), np.finfo(float).tiny))
         self.basis = solve(self.stack(self.fixed), np.zeros(np.count_nonzero(self.use)), RANK).U
-        self.y = self.left(self.stack(self.tau[..., None])[:, 0])
+        self.y = self.orthogonal_part(self.stack(self.tau[..., None])[:, 0])
 
     def stack(self, columns: Array) -> Array:
         """Stack ``columns`` (r, n, k) of all joints to a matrix (rows, k): rows in use only, times their weights."""
         return np.concatenate([w * columns[self.use[:, j], j] for j, w in enumerate(self.weights)])
 
-    def left(self, columns: Array) -> Array:
+    def orthogonal_part(self, columns: Array) -> Array:
         """Part of ``columns`` (rows, k) that is orthogonal to the columns that do not depend on shapes."""
         return np.asarray(columns - self.basis @ (self.basis.T @ columns))
 
-    def shaped(self, logs: Array) -> tuple[FrictionSurface, ...]:
+    def surfaces_at(self, logs: Array) -> tuple[FrictionSurface, ...]:
         """The surfaces with the shapes ``exp(logs)``."""
         shapes: list[list[float]] = [[] for _ in self.surfaces]
         for k, value in zip(self.owner, np.exp(logs), strict=True):
             shapes[k].append(float(value))
-        return tuple(replace(each, shapes=tuple(own)) for each, own in zip(self.surfaces, shapes, strict=True))
+        return tuple(
+            replace(surface, shapes=tuple(surface_shapes))
+            for surface, surface_shapes in zip(self.surfaces, shapes, strict=True)
+        )
 
     def columns(self, k: int, surface: FrictionSurface) -> Array:
         key = (k, np.array(surface.shapes).tobytes())
@@ -283,13 +286,13 @@ class _ShapeSearch:
 
     def cost(self, logs: Array) -> float:
         """Sum of squares that the columns leave of the torques at the shapes ``logs``."""
-        parts = [self.stack(self.columns(k, each)) for k, each in enumerate(self.shaped(logs))]
-        left = solve(self.left(np.hstack(parts)), self.y, RANK).residual(self.y)
+        parts = [self.stack(self.columns(k, surface)) for k, surface in enumerate(self.surfaces_at(logs))]
+        left = solve(self.orthogonal_part(np.hstack(parts)), self.y, RANK).residual(self.y)
         return float(left @ left)
 
     def linearise(self, logs: Array) -> tuple[Array, Array]:
         """Residual that the columns leave of the torques, and its derivative by the logarithms of all shapes."""
-        parts = [self.stack(self.columns(k, each)) for k, each in enumerate(self.shaped(logs))]
+        parts = [self.stack(self.columns(k, surface)) for k, surface in enumerate(self.surfaces_at(logs))]
         places = np.cumsum([0, *(part.shape[1] for part in parts)])
 
         def derivative(c: Array) -> Array:
@@ -297,11 +300,11 @@ class _ShapeSearch:
             for i, k in enumerate(self.owner):
                 moved = logs.copy()
                 moved[i] += STEP
-                after = self.stack(self.problem.columns(self.shaped(moved)[k]))
+                after = self.stack(self.problem.columns(self.surfaces_at(moved)[k]))
                 changes[:, i] = (after - parts[k]) @ c[places[k] : places[k + 1]] / STEP
-            return self.left(changes)
+            return self.orthogonal_part(changes)
 
-        r, J, _ = project(self.left(np.hstack(parts)), self.y, derivative, RANK)
+        r, J, _ = project(self.orthogonal_part(np.hstack(parts)), self.y, derivative, RANK)
         return r, J
 
     def descend(self, start: Array, to_logs: Array, pull: Array, usual: Array) -> tuple[Array, Array]:
@@ -320,7 +323,7 @@ class _ShapeSearch:
             r, J = self.linearise(logs(x))
             return r, J @ to_logs
 
-        found = search(
+        minimum = search(
             solve(to_logs, start - usual).x,
             linearise,
             cost=lambda x: self.cost(logs(x)),
@@ -333,12 +336,12 @@ class _ShapeSearch:
             less=5.0,
             more=5.0,
         )
-        return logs(found.state), solve(found.J, found.r).covariance
+        return logs(minimum.state), solve(minimum.J, minimum.r).covariance
 
     def residual(self, logs: Array) -> tuple[Array, Array]:
         """Residuals (r, n) of all rows, and the linear parameters of all columns, fitted to the rows in use."""
-        surfaces = self.shaped(logs)
-        W = np.concatenate([self.fixed, *(self.columns(k, each) for k, each in enumerate(surfaces))], axis=-1)
+        surfaces = self.surfaces_at(logs)
+        W = np.concatenate([self.fixed, *(self.columns(k, surface) for k, surface in enumerate(surfaces))], axis=-1)
         A = self.stack(W)
         theta = solve(A, self.stack(self.tau[..., None])[:, 0], RANK).x
         return self.tau - W @ theta, theta
@@ -356,14 +359,14 @@ def tune_shapes(problem: Problem, surfaces: Sequence[FrictionSurface], use: NDAr
         usual, logs = _common(search)
         for _ in range(WEIGHTS):
             before = logs
-            logs, std = _tuned(search, usual, before)
+            logs, std = _tune_joints(search, usual, before)
             search.renew(logs)
             if np.max(np.abs(logs - before)) < UNCHANGED:
                 break
     else:
         search.renew(logs)
     residual, theta = search.residual(logs)
-    return Fitted(search.shaped(logs), residual, theta, std)
+    return Fitted(search.surfaces_at(logs), residual, theta, std)
 
 
 def _common(search: _ShapeSearch) -> tuple[Array, Array]:
@@ -371,7 +374,7 @@ def _common(search: _ShapeSearch) -> tuple[Array, Array]:
 
     The best known are those with which every joint on its own begins, see :func:`_apart`.
     """
-    names = [name for each in search.surfaces for name in each.definition.shapes]
+    names = [name for surface in search.surfaces for name in surface.definition.shapes]
     laws = [search.surfaces[k].law for k in search.owner]
     groups = list(dict.fromkeys(zip(laws, names, strict=True)))
     common = np.zeros((len(names), len(groups)))
@@ -383,7 +386,7 @@ def _common(search: _ShapeSearch) -> tuple[Array, Array]:
     return usual, min(_apart(search, usual), start, key=search.cost)
 
 
-def _tuned(search: _ShapeSearch, usual: Array, start: Array) -> tuple[Array, tuple[tuple[float, ...], ...]]:
+def _tune_joints(search: _ShapeSearch, usual: Array, start: Array) -> tuple[Array, tuple[tuple[float, ...], ...]]:
     """Logarithms of the shapes fitted joint by joint, and their standard deviations for every surface.
 
     The search begins at the logarithms ``start``; the prior is about the common ones, ``usual``.
@@ -394,7 +397,7 @@ def _tuned(search: _ShapeSearch, usual: Array, start: Array) -> tuple[Array, tup
     std: list[list[float]] = [[] for _ in search.surfaces]
     for k, value in zip(search.owner, spread, strict=True):
         std[k].append(float(value))
-    return logs, tuple(tuple(own) for own in std)
+    return logs, tuple(tuple(deviations) for deviations in std)
 
 
 def _variance(search: _ShapeSearch, logs: Array) -> float:
@@ -412,11 +415,11 @@ def _starts(search: _ShapeSearch, groups: Sequence[tuple[str, str]], common: Arr
     logarithm of each group to its shapes.
     """
     choices = product(*(_multiples(name) for _, name in groups))
-    found = [search.scale + common @ np.log(values) for values in choices]
-    known = [value for each in search.surfaces for value in each.shapes]
+    starts = [search.scale + common @ np.log(values) for values in choices]
+    known = [value for surface in search.surfaces for value in surface.shapes]
     if len(known) == len(search.owner):
-        found.append(np.log(known))
-    return found
+        starts.append(np.log(known))
+    return starts
 
 
 def _apart(search: _ShapeSearch, usual: Array) -> Array:
@@ -426,10 +429,10 @@ def _apart(search: _ShapeSearch, usual: Array) -> Array:
     """
     logs = usual
     for k, surface in enumerate(search.surfaces):
-        own = np.array([owner == k for owner in search.owner])
+        mask = np.array([owner == k for owner in search.owner])
         for values in product(*(_multiples(name) for name in surface.definition.shapes)):
             tried = logs.copy()
-            tried[own] = search.scale[own] + np.log(values)
+            tried[mask] = search.scale[mask] + np.log(values)
             logs = min(logs, tried, key=search.cost)
     return logs
 
@@ -445,12 +448,14 @@ def _scales(problem: Problem, surfaces: Sequence[FrictionSurface]) -> Array:
     It is in proportion to a power of that speed, see :data:`SCALES`. The mean is taken of motor speeds divided by the
     gear ratio, so that joints and motors share one scale.
     """
-    gears = [float(np.linalg.norm(each.direction)) for each in surfaces]
-    rms = math.sqrt(np.mean([(problem.speed(each) / gear) ** 2 for each, gear in zip(surfaces, gears, strict=True)]))
+    gears = [float(np.linalg.norm(surface.direction)) for surface in surfaces]
+    rms = math.sqrt(
+        np.mean([(problem.speed(surface) / gear) ** 2 for surface, gear in zip(surfaces, gears, strict=True)])
+    )
     scales = []
-    for each, gear in zip(surfaces, gears, strict=True):
+    for surface, gear in zip(surfaces, gears, strict=True):
         speed = max(rms, 1e-9) * gear
-        scales += [value * speed**power for value, power in (SCALES[name] for name in each.definition.shapes)]
+        scales += [value * speed**power for value, power in (SCALES[name] for name in surface.definition.shapes)]
     return np.array(scales)
 
 
@@ -458,7 +463,7 @@ def _independent_share(search: _ShapeSearch, logs: Array) -> float:
     """Share of the rows that are independent: ``(1 - a)/(1 + a)`` with the lag-one correlation a of the residuals."""
     residual = np.where(search.use, search.residual(logs)[0], 0.0)
     both = search.use[1:] & search.use[:-1]
-    own = np.sum(np.where(both, residual[1:] ** 2 + residual[:-1] ** 2, 0.0), axis=0) / 2.0
+    squares = np.sum(np.where(both, residual[1:] ** 2 + residual[:-1] ** 2, 0.0), axis=0) / 2.0
     pairs = np.sum(np.where(both, residual[1:] * residual[:-1], 0.0), axis=0)
-    a = np.clip(np.divide(pairs, own, out=np.zeros(len(own)), where=own > 0.0), 0.0, 0.97)
+    a = np.clip(np.divide(pairs, squares, out=np.zeros(len(squares)), where=squares > 0.0), 0.0, 0.97)
     return float(np.mean((1.0 - a) / (1.0 + a)))

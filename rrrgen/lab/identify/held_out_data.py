@@ -51,7 +51,7 @@ class Split:
             raise InputError(f"blocks of {value:g} s; their length must be positive")
         return cls(kind, value)
 
-    def guarded(self, guard: float) -> Split:
+    def with_guard(self, guard: float) -> Split:
         """A copy with a guard band of ``guard`` seconds on both sides of every border.
 
         Raises :class:`InputError` if nothing would be left between two guard bands.
@@ -65,14 +65,14 @@ class Split:
             )
         return replace(self, guard=guard)
 
-    def fitted(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
+    def is_fitted(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
         """Mask (N,) of the fitted points in time among ``t`` (N,), s.
 
         The recording begins at ``start`` (s) and lasts ``duration`` (s).
         """
         return self._first(t - start, duration) & ~self.between(t, start, duration)
 
-    def scored(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
+    def is_scored(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
         """Mask (N,) of the held-out points in time among ``t`` (N,), s.
 
         The recording begins at ``start`` (s) and lasts ``duration`` (s).

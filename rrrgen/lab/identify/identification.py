@@ -23,7 +23,7 @@ from rrrgen.lab.estimate.identifiability import (
     Structure,
     collinear,
     essential_parameters,
-    unexcited,
+    unexcited_parameters,
     weak_directions,
 )
 from rrrgen.lab.estimate.regression import (
@@ -69,7 +69,7 @@ from rrrgen.lab.identify.regressor import (
     FullRegressor,
     Parametrisation,
     RigidModel,
-    assembled,
+    assembly_mask,
     loop_status,
     parametrise,
     standstill,
@@ -130,7 +130,7 @@ class Delivered:
             none = np.zeros(len(estimate.x))
             return cls(options.method, estimate.x, estimate.covariance, none.astype(bool), none)
         weights = None if options.method == "robust" else estimate.weights
-        R = reduced.stacked(weights)[:-1, :-1]
+        R = reduced.stack(weights)[:-1, :-1]
         information = R.T @ R
         scores = information @ estimate.covariance @ information
         moving = [k for k, name in enumerate(names) if name not in options.fixed or k < base]
@@ -293,7 +293,7 @@ class Identification:
         """What noise does not explain in held-out torques of the written model, for each of the ``joints`` (n,)."""
         return left_in_rows(self.band.theta, self.blocks, self.held_out_blocks, joints, self.tuning)
 
-    def corrected(self, recordings: Sequence[Recording]) -> Sequence[Recording]:
+    def correct_recordings(self, recordings: Sequence[Recording]) -> Sequence[Recording]:
         """The ``recordings`` with the estimated zeros, gains and delays put right."""
         return recordings if self.nuisances is None else self.nuisances.corrections.recordings(recordings)
 
@@ -327,7 +327,7 @@ def identify(
     rows = measured_rows(recordings) if on_floating_base(recordings) else None
     if options.split.kind != "none":
         guard = reach(tuning) if options.guard is None else options.guard
-        options = replace(options, split=options.split.guarded(guard))
+        options = replace(options, split=options.split.with_guard(guard))
     first, given, measured = None, options, recordings
     if options.estimate:
         tell(0, 0, "nuisance parameters of a sample")
@@ -371,8 +371,8 @@ def identify(
     if int(np.sum(factors.fit.counts)) == 0:
         raise InputError("no row is left to fit: check the split of the data and the lowest speed")
     run = _Run(model, regressor, chosen, recordings, tuning, options, factors, blocks, held_out, tell, nuisances)
-    found = run.result()
-    return replace(found, repairs=tuple(recording.repairs for recording in recordings), friction=friction)
+    identification = run.result()
+    return replace(identification, repairs=tuple(recording.repairs for recording in recordings), friction=friction)
 
 
 def check_loops(model: RigidModel, recordings: Sequence[Recording]) -> None:
@@ -391,8 +391,8 @@ def check_loops(model: RigidModel, recordings: Sequence[Recording]) -> None:
                 )
 
 
-def refitted(
-    found: Identification,
+def refit(
+    identification: Identification,
     recordings: Sequence[Recording],
     options: Options,
     blocks: Sequence[Rows],
@@ -400,20 +400,26 @@ def refitted(
     friction: FrictionFit | None,
     progress: Progress | None = None,
 ) -> Identification:
-    """Repeat the identification ``found`` with other rows for the same parameters, such as those of a simulated loop.
+    """Repeat the ``identification`` with other rows for the same parameters, such as those of a simulated loop.
 
     ``blocks`` are the rows to fit, ``held_out`` those to score only, ``friction`` the laws with changed shapes.
     """
-    regressor, chosen = found.regressor, found.parametrisation
+    regressor, chosen = identification.regressor, identification.parametrisation
     assert regressor is not None and chosen is not None  # noqa: PT018
     if friction is not None:
         regressor = replace(regressor, surfaces=friction.surfaces)
     factors = Factors(factor_blocks(blocks), factor_blocks(held_out))
-    own = replace(options, split=found.split)
+    settings = replace(options, split=identification.split)
     tell: Progress = progress or (lambda done, total, message: None)
-    run = _Run(regressor.model, regressor, chosen, recordings, found.tuning, own, factors, blocks, held_out, tell)
+    run = _Run(
+        regressor.model, regressor, chosen, recordings, identification.tuning, settings, factors, blocks, held_out, tell
+    )
     return replace(
-        run.result(), repairs=found.repairs, friction=friction, diagnoses=found.diagnoses, swinging=found.swinging
+        run.result(),
+        repairs=identification.repairs,
+        friction=friction,
+        diagnoses=identification.diagnoses,
+        swinging=identification.swinging,
     )
 
 
@@ -472,7 +478,7 @@ class _Run:
     def result(self) -> Identification:
         options, chosen = self.options, self.chosen
         reduced = chosen.transform(self.factors.fit)
-        estimate = self.estimated(reduced)
+        estimate = self.least_squares_estimate(reduced)
         theta = chosen.expand(estimate.x)
         iid_std = estimate.std
         self.tell(0, 0, "statistics of the residuals")
@@ -530,7 +536,7 @@ class _Run:
             units=identified_units(chosen.structure, self.regressor.columns, chosen.free, self.model),
             meanings=explained_names(chosen.structure.names, self.regressor.columns, self.model),
             hardly_determined=collinear(reduced, estimate),
-            motion_notes=unexcited(reduced, chosen.structure.names, estimate.weights),
+            motion_notes=unexcited_parameters(reduced, chosen.structure.names, estimate.weights),
             weak=weak_directions(reduced, chosen.structure.names, estimate.weights),
             blocks=self.blocks,
             held_out_blocks=self.held_out,
@@ -539,7 +545,7 @@ class _Run:
             nuisances=nuisances,
         )
 
-    def estimated(self, reduced: JointFactors) -> Estimate:
+    def least_squares_estimate(self, reduced: JointFactors) -> Estimate:
         names = self.chosen.structure.names
         self.tell(0, 0, f"{self.options.method} least squares")
         if self.options.method == "ordinary":
@@ -572,17 +578,17 @@ class _Run:
         names = standard_names(np.shape(self.model.base_projection)[1] // 10)
         fixed = {names.index(name): value for name, value in options.fixed_standard.items()}
         T = np.eye(len(columns))[:, free]
-        found = consistent_estimate(
+        optimum = consistent_estimate(
             self.model,
-            (fit if robust is None else robust).mapped(T, known),
+            (fit if robust is None else robust).substitute(T, known),
             [columns[i] for i in free],
             estimate.weights if robust is None else np.ones(self.model.n),
             prior,
             reference=estimate,
             fixed=fixed,
-            scored=None if robust is None else fit.mapped(T, known),
+            scored=None if robust is None else fit.substitute(T, known),
         )
-        return replace(found, theta=T @ found.theta + known, names=self.regressor.names)
+        return replace(optimum, theta=T @ optimum.theta + known, names=self.regressor.names)
 
     def scores(self, theta: Array, consistent: ConsistentEstimate | None) -> tuple[Score, ...]:
         """Scores of every estimate on fitted rows, on all rows and on unfiltered torques, in sample and held out."""
@@ -614,5 +620,5 @@ class _Run:
         for name, values in estimates.items():
             mass = partial(mass_matrix, self.model, self.regressor.columns, values)
             drawn = limits[0], limits[1], self.options.poses, self.options.seed
-            shares[name], _ = indefinite_share(mass, *drawn, assembled(self.model))
+            shares[name], _ = indefinite_share(mass, *drawn, assembly_mask(self.model))
         return shares

@@ -110,13 +110,13 @@ class CorrectedRecording:
         """Iterate over the uninterrupted stretches, corrected."""
         for part in self.recording.parts():
             late = part.late - self.delays / self.period if self.delays.any() else part.late
-            yield replace(self._moved(part), late=late)
+            yield replace(self._correct_part(part), late=late)
 
     def samples(self) -> Iterator[Part]:
         """Iterate over all samples, corrected but for delays."""
-        return (self._moved(part) for part in self.recording.samples())
+        return (self._correct_part(part) for part in self.recording.samples())
 
-    def _moved(self, part: Part) -> Part:
+    def _correct_part(self, part: Part) -> Part:
         return replace(part, q=part.q + self.zeros, tau=None if part.tau is None else part.tau / self.gains)
 
     def __len__(self) -> int:
@@ -173,18 +173,18 @@ class Corrections:
 
     def recordings(self, recordings: Sequence[Recording]) -> list[Recording]:
         """The ``recordings`` with zeros, gains and delays put right."""
-        return [corrected(recording, self.terms, self.values) for recording in recordings]
+        return [correct_recording(recording, self.terms, self.values) for recording in recordings]
 
     def torque(self, motion: Reconstruction) -> Array:
         """Torque (N, n) along a motion that is no part of the model: of tilt, drift, and what was known before."""
-        found = self.columns.torque(motion, self.values)
-        return found if self.known is None else found + self.known(motion)
+        torque = self.columns.torque(motion, self.values)
+        return torque if self.known is None else torque + self.known(motion)
 
     def gravity(self) -> list[float] | None:
         """Gravity (3,), m/s^2, in the frame of the tilted base; None if no tilt was estimated."""
         tilt = {term.place: float(v) for term, v in zip(self.terms, self.values, strict=True) if term.kind == "tilt"}
         influence = Influence(self.columns.regressor.model)
-        return influence.tilted([tilt.get(0, 0.0), tilt.get(1, 0.0)]) if tilt else None
+        return influence.tilted_gravity([tilt.get(0, 0.0), tilt.get(1, 0.0)]) if tilt else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,8 +236,8 @@ class Nuisances:
         for term, value, std, without in zip(self.terms, self.values, self.std, self.without, strict=True):
             rows.append((name_of(term, self.joints), *text_of(term, value, std, spec), f"{100 * without:.3g} %"))
         matters = np.square(self.without) > (1.0 + POSSIBLE) * self.error**2
-        each = zip(self.remedies, matters & (np.abs(self.values) > SIGNIFICANT * self.std), strict=True)
-        significant = [line for line, differs in each if differs]
+        remedies = zip(self.remedies, matters & (np.abs(self.values) > SIGNIFICANT * self.std), strict=True)
+        significant = [line for line, differs in remedies if differs]
         return [
             *text_table(rows, width, indent="", right=(1, 2, 3)),
             f"error at zero: relative torque error without this one; with all of them it is {100 * self.error:.3g} %",
@@ -265,7 +265,7 @@ class Nuisances:
         }
 
 
-def corrected(recording: Recording, terms: Sequence[Term], values: Array) -> Recording:
+def correct_recording(recording: Recording, terms: Sequence[Term], values: Array) -> Recording:
     """The ``recording`` with the zeros, gains and delays among ``terms`` put right; itself if there are none."""
     n = len(recording.joints)
     zeros, gains, delays = np.zeros(n), np.ones(n), np.zeros(n)
@@ -298,7 +298,7 @@ def _joint_estimate(
     factors: JointFactors, chosen: Parametrisation, terms: Sequence[Term], like: Estimate | None = None
 ) -> Estimate:
     """Least squares for the identifiable and the nuisance parameters together; weights are those of ``like``."""
-    reduced = factors.mapped(*_beside(chosen, len(terms)))
+    reduced = factors.substitute(*_beside(chosen, len(terms)))
     names = (*chosen.structure.names, *(f"{kind} {place}" for kind, place in terms))
     return weighted_least_squares(reduced, names) if like is None else least_squares(reduced, names, like.weights)
 
@@ -321,7 +321,7 @@ class Start:
     ) -> Corrections:
         """The corrections by these values; the parameters of ``regressor`` are those of the sample's fit."""
         begin, duration = recordings[0].span
-        x, _ = self.fit.fitted(list(self.values), self.values)
+        x, _ = self.fit.fit_model(list(self.values), self.values)
         theta = self.fit.T @ x + self.fit.known
         columns = Columns(regressor, tuple(self.values), theta, begin, duration or 1.0)
         return Corrections(columns, np.array(list(self.values.values())), known)
@@ -334,31 +334,31 @@ def candidates(choices: Sequence[str], regressor: FullRegressor, free: Sequence[
     without friction, or over ``several`` recordings.
     """
     n = regressor.model.n
-    found: list[Term] = []
+    terms: list[Term] = []
     for choice in choices:
         if choice == "zeros":
-            found += [Term("zero", j) for j in range(n)]
+            terms += [Term("zero", j) for j in range(n)]
         elif choice == "gains":
-            found += [Term("gain", j) for j in (*range(1, n), 0)]  # of dependent ones the last is held: the first joint
+            terms += [Term("gain", j) for j in (*range(1, n), 0)]  # of dependent ones the last is held: the first joint
         elif choice == "delay":
-            found.append(Term("delay", ALL))
+            terms.append(Term("delay", ALL))
         elif choice == "delays":
-            found += [Term("delay", j) for j in range(n)]
+            terms += [Term("delay", j) for j in range(n)]
         elif choice == "tilt":
             if not Influence(regressor.model).can_tilt:
                 raise InputError("the tilt of the base cannot be estimated: the robot file states no gravity")
-            found += [Term("tilt", 0), Term("tilt", 1)]
+            terms += [Term("tilt", 0), Term("tilt", 1)]
         elif choice == "drift":
             if several:
                 raise InputError("drift is estimated along one recording, not over several: leave 'drift' away")
             columns = [regressor.columns[k] for k in free]
             for j in range(n):
                 kinds = {column.kind for column in columns if column.direction and column.direction[j]}
-                found += [Term("viscous drift", j)] if kinds & {"viscous", "law"} else []
-                found += [Term("Coulomb drift", j)] if kinds & {"coulomb", "law"} else []
-            if not any("drift" in term.kind for term in found):
+                terms += [Term("viscous drift", j)] if kinds & {"viscous", "law"} else []
+                terms += [Term("Coulomb drift", j)] if kinds & {"coulomb", "law"} else []
+            if not any("drift" in term.kind for term in terms):
                 raise InputError("drift is that of friction, and no joint of the robot file states any")
-    return found
+    return terms
 
 
 def start(
@@ -375,9 +375,9 @@ def start(
     """
     model, joints = regressor.model, recordings[0].joints
     sample = _fitted_sample(recordings, processing, split)
-    fit = NuisanceFit(model, regressor, sample.thinned(MOST_SAMPLES // sample.n), chosen.T, chosen.known)
+    fit = NuisanceFit(model, regressor, sample.thin(MOST_SAMPLES // sample.n), chosen.T, chosen.known)
     wanted = candidates(choices, regressor, chosen.free, len(recordings) > 1)
-    coupled = _coupled(recordings)
+    coupled = _coupled_joints(recordings)
     refused = [
         f"{name_of(term, joints)}: the mapping file couples its motor with others, whose torques it mixes"
         for term in wanted
@@ -387,9 +387,9 @@ def start(
     first = _first_values(model, regressor, sample, wanted)
     values = {term: first.get(term, 0.0) for term in wanted}
     while values:
-        kept, sentences = _determined(fit, list(values), values, joints)
+        kept, sentences = _select_determined(fit, list(values), values, joints)
         refused += sentences
-        values = fit.converged(kept, values)
+        values = fit.fit_terms(kept, values)
         std = fit.deviations(values)[0] if values else np.zeros(0)
         excess = [s / _largest(term, model.spec) for s, term in zip(std, values, strict=True)]
         over = [k for k, share in enumerate(excess) if share > 1.0]
@@ -420,14 +420,14 @@ def start(
 
 def _fitted_sample(recordings: Sequence[Recording], processing: Processing, split: Split) -> Sample:
     """Sample of the fitted rows of all recordings, one after the other in time."""
-    found: list[Sample] = []
+    samples: list[Sample] = []
     for recording in recordings:
         sample = sample_of(recording, processing)
         if sample is not None:
-            found.append(replace(sample, use=sample.use & split.fitted(sample.t, *recording.span)[:, None]))
-    if not found or not any(sample.use.any() for sample in found):
+            samples.append(replace(sample, use=sample.use & split.is_fitted(sample.t, *recording.span)[:, None]))
+    if not samples or not any(sample.use.any() for sample in samples):
         raise InputError("no recording has torques from which nuisance parameters could be estimated")
-    return joined_samples(found)
+    return joined_samples(samples)
 
 
 def _first_values(model: Any, regressor: FullRegressor, sample: Sample, wanted: Sequence[Term]) -> Mapping[Term, float]:
@@ -436,26 +436,28 @@ def _first_values(model: Any, regressor: FullRegressor, sample: Sample, wanted: 
     every = AllTerms(model, tuple(regressor.columns))
     inside = [k for k, name in enumerate(every.names) if name in names]
     comparison = Comparison(every, sample, inside)
-    findings = comparison.findings([each for each in comparison.hypotheses() if set(each.terms) <= set(wanted)])
+    findings = comparison.findings(
+        [hypothesis for hypothesis in comparison.hypotheses() if set(hypothesis.terms) <= set(wanted)]
+    )
     return findings[-1].outcome.values if findings else {}
 
 
-def _determined(
+def _select_determined(
     fit: NuisanceFit, terms: Sequence[Term], values: Mapping[Term, float], joints: Sequence[str]
 ) -> tuple[list[Term], list[str]]:
     """Terms that stand out of the space of the model and of those before them, and why the others do not."""
     W, tau = fit.regressor_at(values)
-    x, sigma = fit.fitted(terms, values)
+    x, sigma = fit.fit_model(terms, values)
     A = np.concatenate([W, fit.columns(terms, values, W, x)], axis=-1)
     G = np.tensordot(1.0 / sigma**2, fit.products(A, tau), 1)
-    own, kept, refused = list(range(W.shape[-1])), [], []
+    basis, kept, refused = list(range(W.shape[-1])), [], []
     for k, term in enumerate(terms, start=W.shape[-1]):
-        at = [*own, k, len(G) - 1]
-        if fit.determined(G[np.ix_(at, at)], range(len(own)), [UNIT.get(term.kind, 1.0)])[0]:
-            own.append(k)
+        at = [*basis, k, len(G) - 1]
+        if fit.is_determined(G[np.ix_(at, at)], range(len(basis)), [UNIT.get(term.kind, 1.0)])[0]:
+            basis.append(k)
             kept.append(term)
         else:
-            alone = fit.determined(G[np.ix_([k, len(G) - 1], [k, len(G) - 1])], [], [UNIT.get(term.kind, 1.0)])[0]
+            alone = fit.is_determined(G[np.ix_([k, len(G) - 1], [k, len(G) - 1])], [], [UNIT.get(term.kind, 1.0)])[0]
             refused.append(f"{name_of(term, joints)}: {_reason(term, alone)}")
     return kept, refused
 
@@ -475,7 +477,7 @@ def _dispensable(fit: NuisanceFit, values: Mapping[Term, float], term: Term) -> 
     A deviation alone does not tell: where residuals are slow it is large, also that of a factor of two without which
     nothing fits.
     """
-    rest = fit.converged([other for other in values if other != term], values)
+    rest = fit.fit_terms([other for other in values if other != term], values)
     return _error(fit, values) ** 2 > (1.0 - POSSIBLE) * _error(fit, rest) ** 2
 
 
@@ -497,16 +499,16 @@ def doubtful(fit: NuisanceFit, values: Mapping[Term, float], spec: Any) -> tuple
     return (least, shares[least]) if shares[least] < POSSIBLE else None
 
 
-def _coupled(recordings: Sequence[Recording]) -> set[int]:
+def _coupled_joints(recordings: Sequence[Recording]) -> set[int]:
     """The joints whose recorded torques are mixed with those of others by the transmission of a mapping file."""
-    found: set[int] = set()
+    joints: set[int] = set()
     for recording in recordings:
         mapping: LogMapping | None = getattr(recording, "mapping", None)
         if mapping is not None and mapping.transmission is not None:
             N = mapping.transmission
             mixed: NDArray[np.bool_] = (N != 0.0) & ~np.eye(len(N), dtype=bool)
-            found |= {int(j) for j in np.flatnonzero(mixed.any(axis=0) | mixed.any(axis=1))}
-    return found
+            joints |= {int(j) for j in np.flatnonzero(mixed.any(axis=0) | mixed.any(axis=1))}
+    return joints
 
 
 def _largest(term: Term, spec: Any) -> float:
@@ -553,16 +555,16 @@ def estimate_nuisances(
         corrections = with_theta(replace(corrections, values=corrections.values + step), joint.x[:r])
         if np.all(np.abs(step) <= SETTLED * std):
             break
-    fit, found = first.fit, dict(zip(terms, corrections.values.tolist(), strict=True))
+    fit, values = first.fit, dict(zip(terms, corrections.values.tolist(), strict=True))
     # the sample is not filtered as the rows are: it tells the rise of the squares alone
-    rest = [_error(fit, {term: value for term, value in found.items() if term != left}) for left in terms]
-    rise = np.maximum(np.square(rest) - _error(fit, found) ** 2, 0.0)
+    rest = [_error(fit, {term: value for term, value in values.items() if term != left}) for left in terms]
+    rise = np.maximum(np.square(rest) - _error(fit, values) ** 2, 0.0)
     error = joint.relative_error
     fitted = rows(corrections, corrections.columns)
     words = [wording(regressor.model.spec, recording) for recording in recordings]
     lines = tuple(
-        "; ".join(dict.fromkeys(_remedy(term, value, corrections, each) for each in words))
-        for term, value in found.items()
+        "; ".join(dict.fromkeys(_remedy(term, value, corrections, recording_words) for recording_words in words))
+        for term, value in values.items()
     )
     joints = tuple(recordings[0].joints)
     return Nuisances(corrections, std, first.refused, error, np.sqrt(error**2 + rise), lines, fitted, joints)

@@ -80,24 +80,24 @@ class Influence:
 
         ``torque`` (N, n) is that of the model with its ``gains`` (n,), of which ``beta`` (b,) are the base parameters.
         """
-        found = np.zeros((*at.q.shape, len(terms)))
+        derivatives = np.zeros((*at.q.shape, len(terms)))
         for k, (kind, place) in enumerate(terms):
             j: Any = slice(None) if place == ALL else place
             if kind == "zero":
                 move = STEP * np.eye(self.model.n)[place]
                 ahead, behind = (np.asarray(self.model.regressor(q, at.dq, at.ddq)) for q in (at.q + move, at.q - move))
-                found[..., k] = (ahead - behind) @ beta / (2.0 * STEP) * gains
+                derivatives[..., k] = (ahead - behind) @ beta / (2.0 * STEP) * gains
             elif kind == "gain":
-                found[:, j, k] = torque[:, j]
+                derivatives[:, j, k] = torque[:, j]
             elif kind == "delay":
-                found[:, j, k] = -at.rate[:, j]
+                derivatives[:, j, k] = -at.rate[:, j]
             elif kind == "tilt":
-                found[..., k] = self.gravity(place, at.q, beta) * gains
+                derivatives[..., k] = self.gravity(place, at.q, beta) * gains
             elif kind == "viscous drift":
-                found[:, j, k] = at.s * at.dq[:, j]
+                derivatives[:, j, k] = at.s * at.dq[:, j]
             elif kind == "Coulomb drift":
-                found[:, j, k] = at.s * np.sign(at.dq[:, j])
-        return found
+                derivatives[:, j, k] = at.s * np.sign(at.dq[:, j])
+        return derivatives
 
     def gravity(self, axis: int, q: Array, beta: Array) -> Array:
         """Change (N, n) of the gravity torques where gravity turns by 1 rad towards the axis x (0) or y (1).
@@ -113,14 +113,14 @@ class Influence:
             stated = np.array([standard_parameters(link) for link in links], float).ravel()
         phi = (stated + np.linalg.pinv(K) @ (beta - K @ stated)).reshape(-1, 10)
         a = self._across(axis)
-        found = np.zeros_like(q)
+        changes = np.zeros_like(q)
         for j in range(self.model.n):
             move = STEP * np.eye(self.model.n)[j]
             ahead, behind = (self._energy(x, phi, a) for x in (q + move, q - move))
-            found[:, j] = (ahead - behind) / (2.0 * STEP)
-        return found
+            changes[:, j] = (ahead - behind) / (2.0 * STEP)
+        return changes
 
-    def tilted(self, angles: Sequence[float]) -> list[float]:
+    def tilted_gravity(self, angles: Sequence[float]) -> list[float]:
         """Gravity (3,), m/s^2, in the frame of the base, tilted by two ``angles``, rad."""
         g = np.array([float(v) for v in self.model.spec.gravity])
         return [float(v) for v in g + sum(angle * self._across(axis) for axis, angle in enumerate(angles))]
@@ -185,8 +185,8 @@ class NuisanceFit:
         return np.asarray(np.exp(gain))
 
     def _delays(self, values: Mapping[Term, float]) -> Array:
-        each = np.array([values.get(Term("delay", j), 0.0) for j in range(self.n)])
-        return np.asarray(each + values.get(Term("delay", ALL), 0.0))
+        delays = np.array([values.get(Term("delay", j), 0.0) for j in range(self.n)])
+        return np.asarray(delays + values.get(Term("delay", ALL), 0.0))
 
     def _torque(self, values: Mapping[Term, float]) -> Array:
         delays = self._delays(values)
@@ -205,15 +205,15 @@ class NuisanceFit:
         if np.any(self.known):
             torque = torque + self._gains(values) * (self.regressor(*motion) @ self.known)
         beta = theta[: len(self.influence.model.base_parameter_names)]
-        found = self.influence.columns(terms, at, torque, beta, self._gains(values))
+        derivatives = self.influence.columns(terms, at, torque, beta, self._gains(values))
         for k, term in enumerate(terms):
             if term.kind == "column":
-                found[..., k] = self._everything[..., term.place]
+                derivatives[..., k] = self._everything[..., term.place]
             elif term.kind == "ratio":
                 sides = ({**values, term: values.get(term, 0.0) + move} for move in (STEP, -STEP))
                 ahead, behind = (self.regressor(*self._motion(v)) @ theta * self._gains(v) for v in sides)
-                found[..., k] = (ahead - behind) / (2.0 * STEP)
-        return found
+                derivatives[..., k] = (ahead - behind) / (2.0 * STEP)
+        return derivatives
 
     @cached_property
     def _everything(self) -> Array:
@@ -237,7 +237,7 @@ class NuisanceFit:
         x, _, squares = fit_products(G, self.counts, self.size)
         return x, np.maximum(np.sqrt(squares / self.counts), FLOOR * self.size)
 
-    def fitted(self, terms: Sequence[Term], values: Mapping[Term, float]) -> tuple[Array, Array]:
+    def fit_model(self, terms: Sequence[Term], values: Mapping[Term, float]) -> tuple[Array, Array]:
         """Parameters x (r,) and residual deviations (n,) at ``values``, with the linear terms free."""
         W, tau = self.regressor_at(values)
         x, sigma = self.solve(self.products(W, tau))
@@ -249,13 +249,13 @@ class NuisanceFit:
 
     def joint_errors(self, values: Mapping[Term, float]) -> Array:
         """Relative torque errors (n,) of the fit at ``values`` of the nuisance parameters."""
-        return np.asarray(self.fitted(list(values), values)[1] / self.size)
+        return np.asarray(self.fit_model(list(values), values)[1] / self.size)
 
     def objective(self, sigma: Array) -> float:
         """Minus the logarithm of the likelihood, up to a constant: ``sum N_j ln sigma_j``."""
         return float(self.counts @ np.log(sigma))
 
-    def converged(self, terms: Sequence[Term], start: Mapping[Term, float]) -> dict[Term, float]:
+    def fit_terms(self, terms: Sequence[Term], start: Mapping[Term, float]) -> dict[Term, float]:
         """Values of the nuisance ``terms`` that fit best, from ``start``.
 
         Zeros, gains and delays are searched, with the parameters of the model and the linear terms projected out and
@@ -264,21 +264,21 @@ class NuisanceFit:
         values = {term: start.get(term, 0.0) for term in terms}
         linear = [term for term in terms if term.is_linear]
         free = [term for term in terms if not term.is_linear]
-        x, sigma = self.fitted(terms, values)
+        x, sigma = self.fit_model(terms, values)
         held = {"x": x, "weights": 1.0 / sigma}  # a tilt acts on masses; both are renewed after every step
 
         def at(state: Array) -> dict[Term, float]:
             return values | dict(zip(free, (float(v) for v in state), strict=True))
 
-        def projected(state: Array, with_derivatives: bool) -> tuple[Array, Array, Array]:
+        def project_out_model(state: Array, with_derivatives: bool) -> tuple[Array, Array, Array]:
             """Triangle-like factor S of the part of [derivatives, torque] orthogonal to the model, and its fit."""
             W, tau = self.regressor_at(at(state))
             A = np.concatenate([W, self.columns(linear, at(state), W, held["x"])], axis=-1)
             m = A.shape[-1]
             if with_derivatives:
                 G = np.tensordot(held["weights"] ** 2, self.products(A, tau), 1)
-                own = solve_normal_equations(G[:m, :m], G[:m, m])[0][: W.shape[-1]]
-                A = np.concatenate([A, self.columns(free, at(state), W, own)], axis=-1)
+                parameters = solve_normal_equations(G[:m, :m], G[:m, m])[0][: W.shape[-1]]
+                A = np.concatenate([A, self.columns(free, at(state), W, parameters)], axis=-1)
             G = np.tensordot(held["weights"] ** 2, self.products(A, tau), 1)
             c, inverse = solve_normal_equations(G[:m, :m], G[:m, -1])
             S = G[m:, m:] - G[m:, :m] @ inverse @ G[:m, m:]
@@ -286,15 +286,15 @@ class NuisanceFit:
             return np.sqrt(np.maximum(values_, 0.0))[:, None] * V.T, c, W
 
         def linearise(state: Array) -> Linearisation:
-            factor = projected(state, True)[0]
+            factor = project_out_model(state, True)[0]
             return factor[:, -1], -factor[:, :-1]
 
         def cost(state: Array) -> float:
-            factor = projected(state, False)[0]
+            factor = project_out_model(state, False)[0]
             return float(np.sum(factor**2))
 
         def renew(state: Array) -> None:
-            held["x"], sigma = self.fitted(terms, at(state))
+            held["x"], sigma = self.fit_model(terms, at(state))
             held["weights"] = 1.0 / sigma
 
         state = np.array([values[term] for term in free])
@@ -303,25 +303,25 @@ class NuisanceFit:
         if free:
             state = search(state, linearise, cost=cost, after=renew, **limits).state
         if linear:
-            c = projected(state, False)[1]
+            c = project_out_model(state, False)[1]
             values |= dict(zip(linear, (float(v) for v in c[-len(linear) :]), strict=True))
         return at(state)
 
-    def determined(self, G: Array, own: Sequence[int], units: Sequence[float]) -> list[bool]:
-        """Which of the last columns of weighted products ``G`` stand out of the space of the columns ``own``.
+    def is_determined(self, G: Array, basis: Sequence[int], units: Sequence[float]) -> list[bool]:
+        """Which of the last columns of weighted products ``G`` stand out of the space of the columns ``basis``.
 
         By more than LEAST of the torques, in ``units`` of their parameters. The torques are the measure, not the column
         itself: the zero of a first joint with a vertical axis is a column of rounding errors, which no other column
         explains.
         """
         torque = max(float(G[-1, -1]), np.finfo(float).tiny)
-        own = list(own)
-        inverse = solve_normal_equations(G[np.ix_(own, own)], G[own, -1])[1] if own else np.zeros((0, 0))
-        found = []
+        basis = list(basis)
+        inverse = solve_normal_equations(G[np.ix_(basis, basis)], G[basis, -1])[1] if basis else np.zeros((0, 0))
+        flags = []
         for k, unit in enumerate(units, start=len(G) - 1 - len(units)):
-            left = G[k, k] - G[k, own] @ inverse @ G[own, k]
-            found.append(bool(left * unit**2 > LEAST**2 * torque))
-        return found
+            left = G[k, k] - G[k, basis] @ inverse @ G[basis, k]
+            flags.append(bool(left * unit**2 > LEAST**2 * torque))
+        return flags
 
     def zeros(self, term: Term, values: Mapping[Term, float], below: float = np.inf) -> list[float]:
         """Find up to three encoder zeros (rad) of the joint of ``term`` from which a fit may start.
@@ -344,7 +344,7 @@ class NuisanceFit:
         """
         terms = list(values)
         W, tau = self.regressor_at(values)
-        x, sigma = self.fitted(terms, values)
+        x, sigma = self.fit_model(terms, values)
         A = np.concatenate([W, self.columns(terms, values, W, x)], axis=-1)
         rows = Rows(self.sample.t, A, tau, self.sample.use, self.sample.stretch)
         names = [str(k) for k in range(A.shape[-1])]

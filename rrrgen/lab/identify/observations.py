@@ -20,7 +20,7 @@ from rrrgen.lab.data.mapping import ON_BASE
 from rrrgen.lab.data.preprocessing import Decimator, Processing, reconstruction_reach
 from rrrgen.lab.data.reconstruction import Reconstruction, Reconstructor
 from rrrgen.lab.data.repair import Repairs
-from rrrgen.lab.data.uniform_stream import Part, joined
+from rrrgen.lab.data.uniform_stream import Part, join_parts
 from rrrgen.lab.estimate.tsqr import Rows
 from rrrgen.lab.identify.friction_columns import Sliding
 
@@ -103,7 +103,7 @@ class RowMaker:
 
     def rows(self, window: Window) -> Iterator[Rows]:
         """Iterate over the rows of one window in blocks; raises InputError for a recording without torques."""
-        part = window.part.aligned()
+        part = window.part.align_torques()
         if part.tau is None:
             raise InputError("the recording has no torques: nothing can be estimated from it")
         motion = reconstruct(part, self.processing)
@@ -121,7 +121,7 @@ class RowMaker:
             lo, hi = max(0, start - decimate.memory), min(len(part), stop + decimate.memory)
             kept = kept_of(decimate, part.first + lo, start - lo, stop - lo, hi - lo)
             given = () if states is None else (states[lo:hi],)
-            rows = self._block(motion.window(lo, hi), tau[lo:hi], part.sliced(lo, hi), decimate, kept, given)
+            rows = self._block(motion.window(lo, hi), tau[lo:hi], part.slice_samples(lo, hi), decimate, kept, given)
             yield replace(rows, segment=np.full(len(rows.t), window.segment, np.int64))
 
     def inner(self, window: Window) -> slice:
@@ -196,9 +196,9 @@ class RowMaker:
 
 def within(inner: slice, length: int) -> NDArray[np.bool_]:
     """Mask (length, 1) of the samples of the slice ``inner``."""
-    found = np.zeros((length, 1), bool)
-    found[inner] = True
-    return found
+    mask = np.zeros((length, 1), bool)
+    mask[inner] = True
+    return mask
 
 
 def kept_of(decimate: Decimator, first: int, start: int, stop: int, length: int) -> slice:
@@ -261,13 +261,13 @@ def windows(recording: Recording, memory: int) -> Iterator[Window]:
             if done < pending.first + len(pending):
                 yield Window(pending, done - pending.first, len(pending))
             pending, done = None, 0
-        pending = part if pending is None else joined([pending, part])
+        pending = part if pending is None else join_parts([pending, part])
         ready = pending.first + len(pending) - memory
         # a step shorter than the overlap would cost more than it delivers
         if ready - done > memory:
             yield Window(pending, done - pending.first, ready - pending.first)
             done = ready
-            pending = pending.sliced(max(0, done - memory - pending.first), len(pending))
+            pending = pending.slice_samples(max(0, done - memory - pending.first), len(pending))
     if pending is not None and done < pending.first + len(pending):
         yield Window(pending, done - pending.first, len(pending))
 

@@ -74,12 +74,12 @@ def identified_units(
     revolute = [joint.is_revolute for joint in joints] or [True] * model.n
     K = np.asarray(model.base_projection)
     b = len(K)
-    each = [column_unit(columns[k], K[k] if k < b else np.zeros(0), revolute) for k in free]
-    found = []
+    column_units = [column_unit(columns[k], K[k] if k < b else np.zeros(0), revolute) for k in free]
+    combination_units = []
     for row in structure.G:
-        units = [unit for unit, weight in zip(each, row, strict=True) if weight != 0.0]
-        found.append(max(units, key=lambda unit: UNITS.index(unit) if unit in UNITS else 3))
-    return tuple(found)
+        units = [unit for unit, weight in zip(column_units, row, strict=True) if weight != 0.0]
+        combination_units.append(max(units, key=lambda unit: UNITS.index(unit) if unit in UNITS else 3))
+    return tuple(combination_units)
 
 
 def explained_names(names: Sequence[str], columns: Sequence[Column], model: Any) -> tuple[str, ...]:
@@ -93,10 +93,10 @@ def explained_names(names: Sequence[str], columns: Sequence[Column], model: Any)
         words = combination(standard, known, DIGITS)
         if name in used and words != name:
             lines.append(f"{name} = {words}")
-    own = used & set(standard) or lines
+    mentions = used & set(standard) or lines
     kinds = [kind for kind in MEANING if any(column.kind == kind and column.name in used for column in columns)]
     laws = dict.fromkeys(f"{column.parameter}: {column.meaning}" for column in columns if column.kind == "law")
-    return (*([STANDARD] if own else []), *(MEANING[kind] for kind in kinds), *laws, *lines)
+    return (*([STANDARD] if mentions else []), *(MEANING[kind] for kind in kinds), *laws, *lines)
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -179,15 +179,15 @@ class DriveTerms:
         Raises InputError for a joint that the robot does not have, or a coupled drive whose direction is zero or does
         not have ``n`` entries.
         """
-        found = []
+        columns = []
         still, n = (0.0,) * self.before, n - self.before
         for kind in KINDS:
             for joint in getattr(self, kind):
                 if not 0 <= joint < n:
                     raise InputError(f"a drive term at joint {joint + 1} of a robot with {n} joints")
-                found.append(Column(f"{SYMBOLS[kind]}{joint + 1}", kind, still + unit(joint, n)))
+                columns.append(Column(f"{SYMBOLS[kind]}{joint + 1}", kind, still + unit(joint, n)))
         for drive in self.coupled:
             if len(drive.direction) != n or not any(drive.direction):
                 raise InputError(f"the coupled drive '{drive.name}' needs a direction of {n} weights, not all zero")
-            found += [Column(f"{SYMBOLS[kind]}_{drive.name}", kind, still + drive.direction) for kind in drive.terms]
-        return tuple(found)
+            columns += [Column(f"{SYMBOLS[kind]}_{drive.name}", kind, still + drive.direction) for kind in drive.terms]
+        return tuple(columns)

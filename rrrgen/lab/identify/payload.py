@@ -25,8 +25,8 @@ from rrrgen.lab.identify.bandwidth import Tuning, tune
 from rrrgen.lab.identify.consistency import ConsistentEstimate, consistent_estimate
 from rrrgen.lab.identify.observations import Recording, RowMaker
 from rrrgen.lab.identify.parameters import Column, DriveTerms
-from rrrgen.lab.identify.regressor import assembled
-from rrrgen.lab.identify.rows import body_columns, deviations, factored, inertial, slow_samples
+from rrrgen.lab.identify.regressor import assembly_mask
+from rrrgen.lab.identify.rows import body_columns, deviations, factors_and_blocks, inertial, slow_samples
 from rrrgen.lab.identify.scores import UNEXPLAINED, not_explained
 from rrrgen.lab.identify.validation import robot_model
 from rrrgen.robot.spec import STANDARD, RobotSpec, link_of, standard_parameters
@@ -144,8 +144,8 @@ def identify_payload(
 
     p = len(columns)
     maker = RowMaker(regressor, tuning.processing, p + 1, sliding=torque.sliding, slow=slow.speeds)
-    factors, blocks = factored(recordings, maker)
-    free = factors.selected(range(p), {p: 1.0})
+    factors, blocks = factors_and_blocks(recordings, maker)
+    free = factors.select_columns(range(p), {p: 1.0})
     names = [column.name for column in columns]
     estimate = weighted_least_squares(free, names)
     to_all, known = np.eye(p + 1)[:, :p], np.eye(p + 1)[p]
@@ -168,22 +168,22 @@ def identify_payload(
         estimate = replace(estimate, covariance=correlated_covariance(blocks, estimate, lags, expand, to_all))
     size = float(np.sqrt(np.sum(factors.torque_squares) / np.sum(factors.counts)))
     body: Any = _Body()
-    found = consistent_estimate(body, free, columns, estimate.weights, _prior(estimate, size), reference=estimate)
-    covariance, assumed = _covariances(found, estimate, free.stacked(estimate.weights)[:-1, :-1])
-    phi = found.theta[: len(STANDARD)]
+    optimum = consistent_estimate(body, free, columns, estimate.weights, _prior(estimate, size), reference=estimate)
+    covariance, assumed = _covariances(optimum, estimate, free.stack(estimate.weights)[:-1, :-1])
+    phi = optimum.theta[: len(STANDARD)]
     values, std = inertial(phi), deviations(inertial, phi, covariance)
     by_prior = deviations(inertial, phi, assumed) ** 2 > ASSUMED * std**2
     undetermined = tuple(name for name, prior in zip(NAMES, by_prior, strict=True) if prior)
-    error, alone = error_of(expand(found.theta)), error_of(known)
+    error, alone = error_of(expand(optimum.theta)), error_of(known)
     if not std[0] <= CERTAIN * values[0] or values[0] * 9.81 * PRIOR_RADIUS < SHARE * size:
         raise DerivationError(
             f"the mass of the payload is not determined: {values[0]:.3g} +- {std[0]:.2g} kg, and the torque error "
             f"{100 * alone:.3g} % without a payload is {100 * error:.3g} % with it; is there one, and do joints move "
             + "; ".join(("that carry its weight?", *slow.sentences()))
         )
-    structure = structure_of(lambda *motion: body_columns(model, *motion), STANDARD, n, possible=assembled(model))
+    structure = structure_of(lambda *motion: body_columns(model, *motion), STANDARD, n, possible=assembly_mask(model))
     moving = factors.counts > 0
-    corrected = zip(corrections, found.theta[len(STANDARD) :], strict=True)
+    corrected = zip(corrections, optimum.theta[len(STANDARD) :], strict=True)
     friction = {column.name: float(value) for column, value in corrected if moving @ np.abs(column.direction)}
     never = (f"payload: {sentence}, whatever the motion of this arm" for sentence in structure.in_words())
     notes = (*slow.sentences(), *never)
@@ -199,15 +199,15 @@ def _prior(estimate: Estimate, torque: float) -> Prior:
     return Prior(mass * np.diag([PRIOR_RADIUS**2] * 3 + [1.0])[None])
 
 
-def _covariances(found: ConsistentEstimate, estimate: Estimate, R: Array) -> tuple[Array, Array]:
+def _covariances(optimum: ConsistentEstimate, estimate: Estimate, R: Array) -> tuple[Array, Array]:
     """Covariance (10, 10) of the payload's standard parameters, and the part of it that is due to the prior.
 
     Correlated residuals are allowed for. ``R`` is the triangular factor of the weighted rows.
     """
-    assert found.near is not None
+    assert optimum.near is not None
     information = R.T @ R
     scores = information @ estimate.covariance @ information
-    along, body = found.near.directions, slice(len(STANDARD))
-    whole = found.near.covariance(along, scores, estimate.variance)
-    prior = found.near.covariance(along, np.zeros_like(scores), estimate.variance)
+    along, body = optimum.near.directions, slice(len(STANDARD))
+    whole = optimum.near.covariance(along, scores, estimate.variance)
+    prior = optimum.near.covariance(along, np.zeros_like(scores), estimate.variance)
     return whole[body, body], prior[body, body]

@@ -172,7 +172,7 @@ class Parametrisation:
 
     def transform(self, factors: JointFactors) -> JointFactors:
         """Convert triangular factors of the rows for the parameters theta to those for the parameters x."""
-        return factors.mapped(self.T, self.known)
+        return factors.substitute(self.T, self.known)
 
     def expand(self, x: Array) -> Array:
         """The parameters theta (p,) of all columns for identifiable parameters ``x`` (r,)."""
@@ -197,14 +197,14 @@ def loop_status(model: RigidModel, least: float = 0.0) -> Callable[[Array], NDAr
     closed_loops: Callable[..., Any] = getattr(model, "closed_loops")  # noqa: B009 (only robots with loops have it)
 
     def status(q: Array) -> NDArray[np.int64]:
-        found, code = closed_loops(q, with_status=True)
-        near = np.min(found.sine, axis=-1) < least
+        loops, code = closed_loops(q, with_status=True)
+        near = np.min(loops.sine, axis=-1) < least
         return np.where(near & (code == 0), 1, code)
 
     return status
 
 
-def assembled(model: RigidModel) -> Callable[[Array], NDArray[np.bool_]] | None:
+def assembly_mask(model: RigidModel) -> Callable[[Array], NDArray[np.bool_]] | None:
     """A mask (N,) of positions (N, n) at which the closed loops of ``model`` are assembled; None without loops."""
     status = loop_status(model, LEAST_SINE)
     return None if status is None else lambda q: status(q) == 0
@@ -256,12 +256,14 @@ def parametrise(
 
     moved = sum(surface.has_state for surface in regressor.surfaces)
 
-    def restricted(q: Array, dq: Array, ddq: Array) -> Array:
+    def restricted_regressor(q: Array, dq: Array, ddq: Array) -> Array:
         # away from steady sliding, where bristles do not move and their damping has no effect
         s = np.random.default_rng(seed).uniform(-1, 1, (len(q), moved))
         W = regressor(q, dq, ddq, s if moved else None)
         return np.asarray((W if measured is None else W[:, measured]) @ T)
 
-    possible = assembled(regressor.model)
-    structure = structure_of(restricted, [z_names[i] for i in free], regressor.model.n, seed, possible=possible)
+    possible = assembly_mask(regressor.model)
+    structure = structure_of(
+        restricted_regressor, [z_names[i] for i in free], regressor.model.n, seed, possible=possible
+    )
     return Parametrisation(structure, T[:, list(structure.kept)], known, tuple(columns[i] for i in free))

@@ -41,19 +41,19 @@ LINE = 118
 """Longest line of a file or pipe: a parameter that is a combination of many others has a long name."""
 
 
-def parameter_lines(found: Identification, width: int | None = None) -> Iterator[str]:
+def parameter_lines(identification: Identification, width: int | None = None) -> Iterator[str]:
     """Lines of the parameter table, of its legend, and of the essential parameters if they were computed.
 
     The table is folded to lines of ``width`` characters, :data:`LINE` by default.
     """
-    delivered, estimate = found.delivered, found.estimate
+    delivered, estimate = identification.delivered, identification.estimate
     beside = delivered.x is not estimate.x
     rows = [("parameter", "unit", "value", "std", *(("unconstrained", "std", "pull") if beside else ()))]
     for i, name in enumerate(estimate.names):
         std = "at bound" if delivered.at_bound[i] else f"{delivered.std[i]:.2e}"
         pull = f"{delivered.pull[i]:+.1f}{' from the prior' if abs(delivered.pull[i]) > 1.0 else ''}"
         free = (f"{estimate.x[i]:.6g}", f"{estimate.std[i]:.2e}", pull) if beside else ()
-        rows.append((name, found.units[i], f"{delivered.x[i]:.6g}", std, *free))
+        rows.append((name, identification.units[i], f"{delivered.x[i]:.6g}", std, *free))
     yield from text_table(rows, width or LINE, indent="", right=range(2, 6))
     yield (
         f"value: {delivered.origin} estimate"
@@ -65,18 +65,18 @@ def parameter_lines(found: Identification, width: int | None = None) -> Iterator
             "unconstrained estimate; pull: that difference in deviations of the latter; drives at their bound of 0 do "
             "not move"
         )
-    yield from (f"names: {meaning}" for meaning in found.meanings)
-    yield from _essential(found)
+    yield from (f"names: {meaning}" for meaning in identification.meanings)
+    yield from _essential(identification)
 
 
-def _essential(found: Identification) -> Iterator[str]:
-    essential = found.essential
+def _essential(identification: Identification) -> Iterator[str]:
+    essential = identification.essential
     if essential is None:
         return
     estimate = essential.estimate
-    yield f"essential parameters: {len(estimate.names)} of {len(found.names)} ({essential.stopped_by})"
+    yield f"essential parameters: {len(estimate.names)} of {len(identification.names)} ({essential.stopped_by})"
     for i, name in enumerate(estimate.names):
-        yield f"  {name} = {estimate.x[i]:.6g} +- {estimate.std[i]:.2g} {found.units[essential.kept[i]]}"
+        yield f"  {name} = {estimate.x[i]:.6g} +- {estimate.std[i]:.2g} {identification.units[essential.kept[i]]}"
     yield f"essential parameters alone: relative error {100 * estimate.relative_error:.3g} % of the rows fitted"
     yield f"left out, in this order: {', '.join(essential.dropped) or 'none'}"
 
@@ -89,46 +89,48 @@ FRICTION_SYMBOLS = {field: symbol for field, symbol in SYMBOLS.items() if field 
 CONFIDENCE = 0.95
 
 
-def as_record(found: Identification, joints: Sequence[str]) -> dict[str, Any]:
+def as_record(identification: Identification, joints: Sequence[str]) -> dict[str, Any]:
     """The content of ``identification.json``: estimates, scores, filters, notes, repairs and diagnoses.
 
     ``joints`` (n,) are the names of the joints.
     """
-    estimate = found.estimate
-    covered = {name: found.band.coverage(blocks) for name, blocks in found.parts}
-    left = found.left_in(joints)
-    header, rows = parameter_table(found)
+    estimate = identification.estimate
+    covered = {name: identification.band.coverage(blocks) for name, blocks in identification.parts}
+    left = identification.left_in(joints)
+    header, rows = parameter_table(identification)
     return {
         "method": estimate.method,
-        "data": str(found.split),
-        "delivered": found.delivered.origin,
+        "data": str(identification.split),
+        "delivered": identification.delivered.origin,
         "identified": [dict(zip(header, row, strict=True)) for row in rows],
-        "names": list(found.meanings),
-        "hardly_determined": list(found.hardly_determined),
-        "torque_band": {k: None if each is None else (each.share, each.parameters) for k, each in covered.items()},
-        "torque_band_joints": {k: None if each is None else each.joints for k, each in covered.items()},
-        "held_out_notes": list(held_out_notes(found.scores, covered["held out"], joints, left)),
+        "names": list(identification.meanings),
+        "hardly_determined": list(identification.hardly_determined),
+        "torque_band": {
+            k: None if coverage is None else (coverage.share, coverage.parameters) for k, coverage in covered.items()
+        },
+        "torque_band_joints": {k: None if coverage is None else coverage.joints for k, coverage in covered.items()},
+        "held_out_notes": list(held_out_notes(identification.scores, covered["held out"], joints, left)),
         "held_out_remainder": remainder_record(left),
-        "friction": None if found.friction is None else found.friction.to_json(),
-        "nuisances": None if found.nuisances is None else found.nuisances.to_json(),
-        "diagnoses": [cause.to_json() for cause in found.diagnoses],
-        "oscillations": list(found.swinging),
-        "repairs": [repairs.to_json() for repairs in found.repairs],
-        "identifiable_parameters": found.structure.rank,
-        "columns": len(found.columns),
-        "relative_error_fit": found.fit["relative_error"],
-        "relative_error_held_out": found.held_out["relative_error"],
-        "fit": found.fit,
-        "held_out": found.held_out,
-        "scores": [{"measured_on": score.where, **vars(score)} for score in found.scores],
+        "friction": None if identification.friction is None else identification.friction.to_json(),
+        "nuisances": None if identification.nuisances is None else identification.nuisances.to_json(),
+        "diagnoses": [cause.to_json() for cause in identification.diagnoses],
+        "oscillations": list(identification.swinging),
+        "repairs": [repairs.to_json() for repairs in identification.repairs],
+        "identifiable_parameters": identification.structure.rank,
+        "columns": len(identification.columns),
+        "relative_error_fit": identification.fit["relative_error"],
+        "relative_error_held_out": identification.held_out["relative_error"],
+        "fit": identification.fit,
+        "held_out": identification.held_out,
+        "scores": [{"measured_on": score.where, **vars(score)} for score in identification.scores],
         "condition": estimate.condition,
         "condition_scaled": estimate.scaled_condition,
         "rank": estimate.rank,
         "iterations": estimate.iterations,
         "joint_sigma": estimate.joint_sigma,
-        "processing": found.processing.settings(),
-        "bandwidth": found.tuning.to_json(),
-        "guard_band": found.split.guard,
+        "processing": identification.processing.settings(),
+        "bandwidth": identification.tuning.to_json(),
+        "guard_band": identification.split.guard,
         "whiteness": [
             {
                 "durbin_watson": w.durbin_watson,
@@ -136,38 +138,40 @@ def as_record(found: Identification, joints: Sequence[str]) -> dict[str, Any]:
                 "samples_per_independent": w.inflation,
                 "autocorrelation": w.autocorrelation,
             }
-            for w in found.whiteness
+            for w in identification.whiteness
         ],
-        "not_identifiable": list(found.structural_notes),
-        "not_excited": list(found.motion_notes) + [direction.sentence for direction in found.weak],
-        "indefinite_mass_matrix_share": found.indefinite,
-        "physically_consistent": _consistent_record(found),
+        "not_identifiable": list(identification.structural_notes),
+        "not_excited": list(identification.motion_notes) + [direction.sentence for direction in identification.weak],
+        "indefinite_mass_matrix_share": identification.indefinite,
+        "physically_consistent": _consistent_record(identification),
         "essential": None
-        if found.essential is None
+        if identification.essential is None
         else {
-            "parameters": list(found.essential.estimate.names),
-            "values": found.essential.estimate.x,
-            "left_out": list(found.essential.dropped),
-            "relative_error_fit": found.essential.estimate.relative_error,
-            "condition": found.essential.estimate.condition,
-            "stopped_by": found.essential.stopped_by,
+            "parameters": list(identification.essential.estimate.names),
+            "values": identification.essential.estimate.x,
+            "left_out": list(identification.essential.dropped),
+            "relative_error_fit": identification.essential.estimate.relative_error,
+            "condition": identification.essential.estimate.condition,
+            "stopped_by": identification.essential.stopped_by,
         },
-        "parameters": dict(zip((c.name for c in found.columns), found.theta, strict=True)),
+        "parameters": dict(zip((c.name for c in identification.columns), identification.theta, strict=True)),
     }
 
 
-def _consistent_record(found: Identification) -> dict[str, Any] | None:
-    consistent = found.consistent
+def _consistent_record(identification: Identification) -> dict[str, Any] | None:
+    consistent = identification.consistent
     if consistent is None:
         return None
     names = standard_names(len(consistent.phi) // len(STANDARD))
     return {
-        "relative_error_fit": None if found.consistent_fit is None else found.consistent_fit["relative_error"],
+        "relative_error_fit": None
+        if identification.consistent_fit is None
+        else identification.consistent_fit["relative_error"],
         "relative_error_held_out": None
-        if found.consistent_held_out is None
-        else found.consistent_held_out["relative_error"],
-        "fit": found.consistent_fit,
-        "held_out": found.consistent_held_out,
+        if identification.consistent_held_out is None
+        else identification.consistent_held_out["relative_error"],
+        "fit": identification.consistent_fit,
+        "held_out": identification.consistent_held_out,
         "smallest_eigenvalues": consistent.eigenvalues,
         "rise_of_weighted_residual": consistent.loss,
         "standard_parameters": dict(zip(names, consistent.phi, strict=True)),
@@ -176,17 +180,17 @@ def _consistent_record(found: Identification) -> dict[str, Any] | None:
     }
 
 
-def parameter_table(found: Identification) -> tuple[tuple[str, ...], Iterator[Sequence[Any]]]:
+def parameter_table(identification: Identification) -> tuple[tuple[str, ...], Iterator[Sequence[Any]]]:
     """Header and rows of ``parameters.csv``, one row per identifiable combination.
 
     A row holds value, standard deviation and 95 % confidence interval of the written model, and the unconstrained
     estimate for comparison.
     """
-    estimate, delivered = found.estimate, found.delivered
+    estimate, delivered = identification.estimate, identification.delivered
     half = confidence_factor(CONFIDENCE, estimate.freedom)
     header = ("parameter", "unit", "value", "std", "std_percent", "lower_95", "upper_95", "at_bound")
     beside = ("unconstrained", "unconstrained_std", "unconstrained_std_if_white", "essential")
-    kept = None if found.essential is None else set(found.essential.kept)
+    kept = None if identification.essential is None else set(identification.essential.kept)
 
     def rows() -> Iterator[Sequence[Any]]:
         for i, name in enumerate(estimate.names):
@@ -194,10 +198,10 @@ def parameter_table(found: Identification) -> tuple[tuple[str, ...], Iterator[Se
             percent = 100.0 * std / abs(value) if value else float("inf")
             essential = "" if kept is None else "yes" if i in kept else "no"
             bound = "yes" if delivered.at_bound[i] else "no"
-            free = float(estimate.x[i]), float(estimate.std[i]), float(found.iid_std[i])
+            free = float(estimate.x[i]), float(estimate.std[i]), float(identification.iid_std[i])
             yield (
                 name,
-                found.units[i],
+                identification.units[i],
                 value,
                 std,
                 percent,
@@ -232,14 +236,14 @@ def identified_spec(
     laws = {surface.owner: _law(surface, left) for surface in surfaces}
     joints = []
     for i, joint in enumerate(spec.joints):
-        friction, inertia = _identified(f"{i + 1}", joint.friction, left, laws)
+        friction, inertia = _take_friction(f"{i + 1}", joint.friction, left, laws)
         drive = joint.drive if inertia is None else replace(joint.drive or DriveSpec(), inertia=inertia)
         joints.append(replace(joint, friction=friction, drive=drive))
     drives = spec.drives
     if drives is not None:
         motors = []
         for motor in drives.motors:
-            friction, inertia = _identified(f"_{motor.name}", motor.friction, left, laws)
+            friction, inertia = _take_friction(f"_{motor.name}", motor.friction, left, laws)
             motors.append(replace(motor, friction=friction, inertia=motor.inertia if inertia is None else inertia))
         drives = replace(drives, motors=tuple(motors))
     if left:
@@ -253,37 +257,39 @@ def _law(surface: FrictionSurface, left: dict[str, float]) -> LawSpec:
 
     ``left`` maps the names of parameters not yet used to their values; those of this law are removed from it.
     """
-    found = [(parameter, left.pop(f"{parameter.name}{surface.owner}")) for parameter in surface.definition.linear]
-    linear = [max(value, LEAST) if parameter.positive else value for parameter, value in found]
-    return LawSpec(surface.law, tuple(float(value) for value in surface.definition.joined(linear, surface.shapes)))
+    coefficients = [
+        (parameter, left.pop(f"{parameter.name}{surface.owner}")) for parameter in surface.definition.linear
+    ]
+    linear = [max(value, LEAST) if parameter.positive else value for parameter, value in coefficients]
+    return LawSpec(surface.law, tuple(float(value) for value in surface.definition.join(linear, surface.shapes)))
 
 
-def _identified(
+def _take_friction(
     owner: str, friction: FrictionSpec | None, left: dict[str, float], laws: Mapping[str, LawSpec]
 ) -> tuple[FrictionSpec | None, float | None]:
     """Friction and inertia of the joint or motor whose parameter names end in ``owner``; removes them from ``left``."""
     given = {field: left.pop(f"{symbol}{owner}", None) for field, symbol in FRICTION_SYMBOLS.items()}
-    found: dict[str, Any] = {field: value for field, value in given.items() if value is not None}
+    coefficients: dict[str, Any] = {field: value for field, value in given.items() if value is not None}
     if owner in laws:
-        friction = FrictionSpec(offset=found.get("offset"), law=laws[owner])
+        friction = FrictionSpec(offset=coefficients.get("offset"), law=laws[owner])
     elif friction is not None and friction.law is not None:
-        friction = FrictionSpec(**found)  # the user asked for the linear law instead of that of the robot file
-    elif found:
-        friction = replace(friction or FrictionSpec(), **found)
+        friction = FrictionSpec(**coefficients)  # the user asked for the linear law instead of that of the robot file
+    elif coefficients:
+        friction = replace(friction or FrictionSpec(), **coefficients)
     return friction, left.pop(f"Ia{owner}", None)
 
 
-def fitted_data(found: Identification, recordings: str = "") -> FitSpec:
+def fitted_data(identification: Identification, recordings: str = "") -> FitSpec:
     """The ``provenance`` entry of the robot file: fingerprint of the fitted samples; ``recordings`` are file names."""
     from rrrgen.robot.spec import FitSpec
 
-    data = "all" if found.split.kind == "none" else str(found.split)
-    return FitSpec(found.fitted.hashes, found.fitted.windows, f"rrrgen {VERSION}", recordings, data)
+    data = "all" if identification.split.kind == "none" else str(identification.split)
+    return FitSpec(identification.fitted.hashes, identification.fitted.windows, f"rrrgen {VERSION}", recordings, data)
 
 
 def write_identification(
     folder: RunFolder,
-    found: Identification,
+    identification: Identification,
     spec: RobotSpec,
     points: int = 200,
     recordings: str = "",
@@ -299,21 +305,21 @@ def write_identification(
     """
     from rrrgen.robot.file import dumps
 
-    joints = [joint.name for joint in _with_rows(found, spec).joints]
-    folder.write_json("identification.json", as_record(found, joints))
-    folder.write_csv("parameters.csv", *parameter_table(found))
-    if found.consistent is not None:
-        folder.write_text("robot.yaml", dumps(spec_with_provenance(found, spec, recordings)))
-    settling = _convergence(found, spec, points)
+    joints = [joint.name for joint in _with_rows(identification, spec).joints]
+    folder.write_json("identification.json", as_record(identification, joints))
+    folder.write_csv("parameters.csv", *parameter_table(identification))
+    if identification.consistent is not None:
+        folder.write_text("robot.yaml", dumps(spec_with_provenance(identification, spec, recordings)))
+    settling = _convergence(identification, spec, points)
     rows = zip(settling.samples, settling.condition, *settling.x.T, strict=True)
     folder.write_csv("convergence.csv", ("samples", "condition", *settling.names), rows)
-    for name, draw in identification_figures(found, spec, points, model, recording, settling).items():
+    for name, draw in identification_figures(identification, spec, points, model, recording, settling).items():
         figure = draw()
         if figure is not None:
             folder.figure(name, figure)
 
 
-def spec_with_provenance(found: Identification, spec: RobotSpec, recordings: str = "") -> RobotSpec:
+def spec_with_provenance(identification: Identification, spec: RobotSpec, recordings: str = "") -> RobotSpec:
     """The robot ``spec`` with the physically consistent estimate, which it must have, and the data that it is from.
 
     Gravity is that against the base, if its tilt was estimated.
@@ -322,33 +328,35 @@ def spec_with_provenance(found: Identification, spec: RobotSpec, recordings: str
     """
     import sympy as sp
 
-    assert found.consistent is not None
-    fits = {fit.hashes: fit for fit in (*spec.provenance, fitted_data(found, recordings))}
-    surfaces = () if found.friction is None else found.friction.surfaces
-    gravity = None if found.nuisances is None else found.nuisances.corrections.gravity()
+    assert identification.consistent is not None
+    fits = {fit.hashes: fit for fit in (*spec.provenance, fitted_data(identification, recordings))}
+    surfaces = () if identification.friction is None else identification.friction.surfaces
+    gravity = None if identification.nuisances is None else identification.nuisances.corrections.gravity()
     if gravity is not None:
         x, y, z = (sp.Rational(repr(value)) for value in gravity)
         spec = replace(spec, gravity=(x, y, z), basis=None)  # a tilted arm has other base parameters
-    return replace(identified_spec(spec, found.consistent, surfaces=surfaces), provenance=tuple(fits.values()))
+    return replace(identified_spec(spec, identification.consistent, surfaces=surfaces), provenance=tuple(fits.values()))
 
 
-def _with_rows(found: Identification, spec: RobotSpec) -> RobotSpec:
+def _with_rows(identification: Identification, spec: RobotSpec) -> RobotSpec:
     """``spec`` with a joint for every row of the estimation: also for those of the wrench on a floating base."""
     from rrrgen.lab.identify.floating_base import with_base_joints
 
-    return spec if len(found.band.sigma) == spec.n else with_base_joints(spec)
+    return spec if len(identification.band.sigma) == spec.n else with_base_joints(spec)
 
 
-def _convergence(found: Identification, spec: RobotSpec, points: int) -> Convergence:
+def _convergence(identification: Identification, spec: RobotSpec, points: int) -> Convergence:
     """The estimate as a function of the number of samples, at about ``points`` numbers."""
     from rrrgen.lab.identify.cross_validation import convergence
 
-    every = max(1, found.fit["rows"] // _with_rows(found, spec).n // points)
-    return convergence(found.blocks, found.names, found.estimate.weights, found.transform, every)
+    every = max(1, identification.fit["rows"] // _with_rows(identification, spec).n // points)
+    return convergence(
+        identification.blocks, identification.names, identification.estimate.weights, identification.transform, every
+    )
 
 
 def identification_figures(
-    found: Identification,
+    identification: Identification,
     spec: RobotSpec,
     points: int = 200,
     model: RigidModel | None = None,
@@ -370,44 +378,54 @@ def identification_figures(
         torque_curves,
     )
 
-    theta = found.theta if found.consistent is None else found.consistent.theta
-    spec = _with_rows(found, spec)
+    theta = identification.theta if identification.consistent is None else identification.consistent.theta
+    spec = _with_rows(identification, spec)
     joints = [joint.name for joint in spec.joints]
 
     def torques(blocks: Iterable[Rows]) -> Figure | None:
-        curves = torque_curves(blocks, theta, band=found.band)
+        curves = torque_curves(blocks, theta, band=identification.band)
         return None if curves is None else plot_torque_curves(curves, joints, force_units(spec))
 
     return {
-        "torques": lambda: torques(found.blocks),
-        "torques_held_out": lambda: torques(found.held_out_blocks),
+        "torques": lambda: torques(identification.blocks),
+        "torques_held_out": lambda: torques(identification.held_out_blocks),
         "convergence": lambda: plot_convergence(
-            _convergence(found, spec, points) if settling is None else settling, found.estimate.std, found.units
+            _convergence(identification, spec, points) if settling is None else settling,
+            identification.estimate.std,
+            identification.units,
         ),
-        "whiteness": lambda: plot_whiteness(found.whiteness, joints) if found.whiteness else None,
-        "bandwidth": lambda: plot_spectra(found.tuning.spectra, joints) if any(found.tuning.spectra) else None,
+        "whiteness": lambda: plot_whiteness(identification.whiteness, joints) if identification.whiteness else None,
+        "bandwidth": lambda: (
+            plot_spectra(identification.tuning.spectra, joints) if any(identification.tuning.spectra) else None
+        ),
         "friction": lambda: (
-            None if model is None or recording is None else _friction_figure(found, model, recording, theta)
+            None if model is None or recording is None else _friction_figure(identification, model, recording, theta)
         ),
     }
 
 
-def _friction_figure(found: Identification, model: RigidModel, recording: Recording, theta: Array) -> Figure | None:
+def _friction_figure(
+    identification: Identification, model: RigidModel, recording: Recording, theta: Array
+) -> Figure | None:
     """The estimated friction against the speed of every joint; None if the model has none."""
     from rrrgen.lab.identify.diagnosis.trial_fits import MOST_ROWS, sample_of
     from rrrgen.lab.identify.figures import plot_friction
     from rrrgen.lab.identify.friction_columns import law_columns
     from rrrgen.runtime.regressor_columns import drive_columns
 
-    sample = sample_of(recording, found.processing)
-    kinds = {column.kind for column in found.columns}
+    sample = sample_of(recording, identification.processing)
+    kinds = {column.kind for column in identification.columns}
     if sample is None or not kinds & {"viscous", "coulomb", "law"}:
         return None
-    sample = sample.thinned(MOST_ROWS // sample.n)
-    surfaces, load = ((), ()) if found.friction is None else (found.friction.surfaces, found.friction.load)
-    drives = [column for column in found.columns if column.kind not in ("rigid", "law")]
+    sample = sample.thin(MOST_ROWS // sample.n)
+    surfaces, load = (
+        ((), ())
+        if identification.friction is None
+        else (identification.friction.surfaces, identification.friction.load)
+    )
+    drives = [column for column in identification.columns if column.kind not in ("rigid", "law")]
     rigid = np.asarray(model.regressor(sample.q, sample.dq, sample.ddq))
     fixed = np.concatenate([rigid, drive_columns(drives, sample.dq, sample.ddq)], axis=-1)
     W = np.concatenate([fixed, law_columns(surfaces, sample.dq, None, fixed @ load if load else None)], axis=-1)
     revolute = [joint.is_revolute for joint in model.spec.joints]
-    return plot_friction(sample, W, found.columns, theta, recording.joints, revolute, surfaces)
+    return plot_friction(sample, W, identification.columns, theta, recording.joints, revolute, surfaces)

@@ -103,7 +103,7 @@ def standard_of(mass: float, com: Array, inertia: Array) -> Array:
     return np.array([mass, *(mass * c), *(tensor[place] for place in order)])
 
 
-def factored(recordings: Sequence[Recording], maker: RowMaker) -> tuple[JointFactors, Iterable[Rows]]:
+def factors_and_blocks(recordings: Sequence[Recording], maker: RowMaker) -> tuple[JointFactors, Iterable[Rows]]:
     """Triangular factors and blocks of all rows. Raises InputError if there are too few."""
     for recording in recordings:
         if len(recording) == 0:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.tables import text_table
-from rrrgen.lab.data.uniform_stream import Part, joined
+from rrrgen.lab.data.uniform_stream import Part, join_parts
 from rrrgen.lab.estimate.regression import Estimate, least_squares
 from rrrgen.lab.estimate.remainder import Errors, Remainder, remainder_notes, remainders, row_pieces
 from rrrgen.lab.estimate.tsqr import JointFactors, Rows, factor_blocks
@@ -85,18 +85,18 @@ class TorqueBand:
         """Coverage of the rows in use by the 95 % band; None without rows."""
         n = len(self.sigma)
         inside, count = np.zeros(n, np.int64), np.zeros(n, np.int64)
-        own = all_ = 0.0
+        parameter_variance = all_ = 0.0
         for rows in blocks:
             total = self.total(rows.W)
             inside += np.sum(rows.use & (np.abs(rows.tau - rows.W @ self.theta) <= self.factor * total), axis=0)
             count += np.sum(rows.use, axis=0)
-            own += float(np.sum(np.where(rows.use, self.parameters(rows.W), 0.0) ** 2))
+            parameter_variance += float(np.sum(np.where(rows.use, self.parameters(rows.W), 0.0) ** 2))
             all_ += float(np.sum(np.where(rows.use, total, 0.0) ** 2))
         if not count.any() or all_ == 0.0:
             return None
         pairs = zip(inside.tolist(), count.tolist(), strict=True)
         joints = tuple(a / b if b else float("nan") for a, b in pairs)
-        return Coverage(int(np.sum(inside)) / int(np.sum(count)), float(np.sqrt(own / all_)), joints)
+        return Coverage(int(np.sum(inside)) / int(np.sum(count)), float(np.sqrt(parameter_variance / all_)), joints)
 
 
 FOLDS = 5
@@ -125,14 +125,14 @@ def conformal_band(
     for rows in blocks:
         part = np.minimum((FOLDS * (rows.t - start) / max(duration, 1e-300)).astype(int), FOLDS - 1)
         for fold in np.unique(part):
-            pieces[fold].append(rows.chosen(part == fold))
+            pieces[fold].append(rows.use_only(part == fold))
     if not all(pieces):
         return band
     factors = [factor_blocks(part) for part in pieces]
     errors, times = [], []
     for fold, part in enumerate(pieces):
         others = [factor for k, factor in enumerate(factors) if k != fold]
-        training = reduce(JointFactors.merged, others)
+        training = reduce(JointFactors.merge, others)
         if np.sum(training.counts) < FEWEST_ROWS * len(estimate.x):
             return band
         theta = chosen.expand(least_squares(chosen.transform(training), estimate.names, estimate.weights).x)
@@ -241,28 +241,28 @@ def common_share(known: Sequence[Fingerprint], recordings: Sequence[Recording], 
 
     With a ``split``, only windows of its held-out part are compared.
     """
-    top = max((each.range for each in known), default=(1 << BITS) - 1)
+    top = max((fingerprint.range for fingerprint in known), default=(1 << BITS) - 1)
     seen: Hashes = np.zeros(0, np.uint64)
     for recording in recordings:
         for hashes in window_hashes(recording, split or Split(), held_out=split is not None and split.kind != "none"):
             seen = np.unique(np.concatenate([seen, hashes[hashes <= np.uint64(top)]]))
     share, looked = 0.0, len(seen)
-    for each in known:
-        inside = seen[seen <= np.uint64(each.range)]
+    for fingerprint in known:
+        inside = seen[seen <= np.uint64(fingerprint.range)]
         looked = min(looked, len(inside))
         if len(inside):
-            share += float(np.mean(np.isin(inside, np.array(each.hashes, np.uint64))))
+            share += float(np.mean(np.isin(inside, np.array(fingerprint.hashes, np.uint64))))
     return Common(min(1.0, share), looked)
 
 
 def window_hashes(recording: Recording, split: Split, held_out: bool = False) -> Iterator[Hashes]:
     """Iterate over the hashes of all windows in the fitted or the held-out part of a recording, in blocks."""
-    chosen = split.scored if held_out else split.fitted
+    chosen = split.is_scored if held_out else split.is_fitted
     start, duration = recording.span
     step = recording.period * max(1, int(SPACING / recording.period + 0.25))
     pending: Part | None = None
     for part in recording.samples():
-        rows = part if pending is None else joined([pending, part])
+        rows = part if pending is None else join_parts([pending, part])
         if rows.tau is None:
             return
         count = max(2, -(-VALUES // (2 * rows.q.shape[1])))
@@ -275,11 +275,11 @@ def window_hashes(recording: Recording, split: Split, held_out: bool = False) ->
         usable = chosen(rows.t, start, duration) & np.all(np.isfinite(rows.tau), axis=1)
         at = at[there & usable[at].all(axis=1)]
         if len(at):  # a block may hold no window of the fitted part
-            yield _hashed(rows.q[at].reshape(len(at), -1), rows.tau[at].reshape(len(at), -1))
-        pending = rows.sliced(length, len(rows))
+            yield _hash_windows(rows.q[at].reshape(len(at), -1), rows.tau[at].reshape(len(at), -1))
+        pending = rows.slice_samples(length, len(rows))
 
 
-def _hashed(q: Array, tau: Array) -> Hashes:
+def _hash_windows(q: Array, tau: Array) -> Hashes:
     """Hashes of windows with positions ``q`` and torques ``tau``, (N, values) each; all-zero windows are left out."""
     largest = np.max(np.abs(q), axis=1), np.max(np.abs(tau), axis=1)
     some = (largest[0] > 0) & (largest[1] > 0)
@@ -288,11 +288,11 @@ def _hashed(q: Array, tau: Array) -> Hashes:
         exponent = np.frexp(size[some])[1]
         cells = np.floor(np.ldexp(values[some], (CELL_BITS - exponent)[:, None]) + SHIFT).astype(np.int64)
         for column in (exponent.astype(np.int64), *cells.T):
-            state = _mixed(state, column.astype(np.uint64))
+            state = _mix(state, column.astype(np.uint64))
     return np.asarray(state >> np.uint64(64 - BITS))
 
 
-def _mixed(state: Hashes, value: Hashes) -> Hashes:
+def _mix(state: Hashes, value: Hashes) -> Hashes:
     """Mix ``value`` into the hash ``state`` with the finaliser of the SplitMix64 generator."""
     x = (state ^ value) + np.uint64(0x9E3779B97F4A7C15)
     x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -378,14 +378,14 @@ def score_models(
         for maker in (filtered, plain) if tuning.torque_cutoff is not None else (filtered,):
             torque = torque_filter(tuning) if maker is filtered else "unfiltered"
             for rows in maker.rows(window):
-                parts = (split.fitted(rows.t, start, duration), split.scored(rows.t, start, duration))
+                parts = (split.is_fitted(rows.t, start, duration), split.is_scored(rows.t, start, duration))
                 for label, mask in zip(labels, parts, strict=True):
                     if maker is filtered and tuning.processing.low_speed:
                         sums.setdefault((label, torque, "moving"), _Sums()).add(rows, mask, rows.use)
                     sums.setdefault((label, torque, "all"), _Sums()).add(rows, mask, rows.sound)
     ordered = sorted(sums.items(), key=lambda item: labels.index(item[0][0]))
     return tuple(
-        found.score(name, i, *key) for key, found in ordered if found.total > 0 for i, name in enumerate(names)
+        row_sums.score(name, i, *key) for key, row_sums in ordered if row_sums.total > 0 for i, name in enumerate(names)
     )
 
 
@@ -420,8 +420,8 @@ class _Sums:
             known["relative_error"] = float(np.sqrt(np.sum(squares) / size))
             known["rms"] = float(np.sqrt(np.sum(squares) / count))
             known["joint_rms"] = tuple(float(v) for v in np.sqrt(squares / np.maximum(1, self.counts)))
-            own = np.maximum(self.torque, np.finfo(float).tiny)
-            known["joint_relative"] = tuple(float(v) for v in np.sqrt(squares / own))
+            torque_squares = np.maximum(self.torque, np.finfo(float).tiny)
+            known["joint_relative"] = tuple(float(v) for v in np.sqrt(squares / torque_squares))
         return Score(estimate, data, torque, rows, count, count / self.total, **known)
 
 
@@ -435,8 +435,8 @@ def score_table(scores: Sequence[Score], width: int | None = None) -> list[str]:
     for score in scores:
         by_rows.setdefault(score.where, {})[score.estimate] = score
     rows = [("relative torque error", *names)]
-    for where, found in by_rows.items():
-        errors = (found[name].relative_error for name in names)
+    for where, row_scores in by_rows.items():
+        errors = (row_scores[name].relative_error for name in names)
         rows.append((where, *("-" if error is None else f"{100 * error:.3g} %" for error in errors)))
     return text_table(rows, width, indent="", right=range(1, len(names) + 1))
 
@@ -513,7 +513,7 @@ def held_out_notes(
             f"the 95 % band covers too few held-out rows of {', '.join(narrow)}: the standard deviations of their "
             "parameters are too small, since the model errs in another way there than on the fitted rows"
         )
-    return (*notes, *remainder_notes([each for each in left if each.name not in unexplained]))
+    return (*notes, *remainder_notes([remainder for remainder in left if remainder.name not in unexplained]))
 
 
 def left_in_rows(

@@ -210,7 +210,7 @@ def validate_recordings(
     chosen = tuning.processing
     split = split or Split()
     if split.kind != "none":
-        split = split.guarded(reach(tuning) if guard is None else guard)
+        split = split.with_guard(reach(tuning) if guard is None else guard)
     observations = Observations(tuple(recordings), RowMaker(as_column, chosen, 1, sliding=sliding))
     blocks = list(observations if split.kind == "none" else ScoredRows(observations, split))
     left = None if noise is None else [value * noise_gain(chosen.decimate or 1) for value in noise]
@@ -218,7 +218,7 @@ def validate_recordings(
         np.concatenate([rows.t for rows in blocks]),
         np.concatenate([rows.tau for rows in blocks]),
         np.concatenate([rows.W[..., 0] for rows in blocks]),
-        used=_undisturbed(blocks, chosen.decimate or 1),
+        used=_undisturbed_samples(blocks, chosen.decimate or 1),
         joints=recordings[0].joints,
         noise=left,
         **options,
@@ -235,7 +235,7 @@ def validate_recordings(
     return replace(result, tuning=tuning, scores=scores, split=split, left=remaining)
 
 
-def _undisturbed(blocks: Sequence[Rows], decimate: int) -> NDArray[np.bool_]:
+def _undisturbed_samples(blocks: Sequence[Rows], decimate: int) -> NDArray[np.bool_]:
     """Mask (N, n) of the samples in use whose neighbours within the main lobe of the filter are in use too."""
     use = np.concatenate([rows.use for rows in blocks])
     segment = np.concatenate([rows.segment for rows in blocks])
@@ -278,25 +278,27 @@ def _joint_score(
 def _failures(
     asked: Thresholds, scores: Sequence[JointScore], total: float, share: float | None, label: Label
 ) -> tuple[str, ...]:
-    found = []
+    failures = []
     if asked.relative_error is not None and not total <= asked.relative_error:
-        found.append(f"relative error {100 * total:.3g} % exceeds {100 * asked.relative_error:.3g} %")
+        failures.append(f"relative error {100 * total:.3g} % exceeds {100 * asked.relative_error:.3g} %")
     for score in scores:
         if asked.joint_relative_error is not None and not score.relative_error <= asked.joint_relative_error:
             allowed = 100 * asked.joint_relative_error
-            found.append(f"{score.joint}: relative error {100 * score.relative_error:.3g} % exceeds {allowed:.3g} %")
+            failures.append(f"{score.joint}: relative error {100 * score.relative_error:.3g} % exceeds {allowed:.3g} %")
         if (
             asked.beyond_noise is not None
             and score.beyond_noise is not None
             and score.beyond_noise > asked.beyond_noise
         ):
             allowed = 100 * asked.beyond_noise
-            found.append(f"{score.joint}: error beyond noise {100 * score.beyond_noise:.3g} % exceeds {allowed:.3g} %")
+            failures.append(
+                f"{score.joint}: error beyond noise {100 * score.beyond_noise:.3g} % exceeds {allowed:.3g} %"
+            )
     if asked.indefinite_share is not None and share is not None and share > asked.indefinite_share:
-        found.append(f"M(q) is indefinite at {100 * share:.3g} % of random poses")
+        failures.append(f"M(q) is indefinite at {100 * share:.3g} % of random poses")
     if asked.require_held_out and label != "held-out data":
-        found.append(f"the model is scored on {label}")
-    return tuple(found)
+        failures.append(f"the model is scored on {label}")
+    return tuple(failures)
 
 
 def column_model(regressor: Callable[[Array, Array, Array], Array], theta: Array) -> TorqueModel:

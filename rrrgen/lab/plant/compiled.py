@@ -78,7 +78,9 @@ class CompiledIntegrator:
             rate += float(np.max(np.abs(friction.rate(one, speeds) - friction.rate(zero, speeds))))
         count = max(1, math.ceil(rate * duration / LARGEST_STEP))
         after = np.array(state, dtype=float)
-        vectors = [self._ffi.from_buffer("double[]", each) for each in (after, np.ascontiguousarray(tau, dtype=float))]
+        vectors = [
+            self._ffi.from_buffer("double[]", array) for array in (after, np.ascontiguousarray(tau, dtype=float))
+        ]
         if self._lib.plant_advance(*vectors, duration / count, count):
             raise np.linalg.LinAlgError("M(q) is not positive definite")
         return after
@@ -192,7 +194,10 @@ def joint_laws(model: FrictionModel | MixedFriction) -> list[tuple[FrictionLaw, 
     if isinstance(model, FrictionModel):
         return [(model.law, row, 0.0) for row in model.parameters]
     offsets = model.offset.tolist()
-    return [(each.law, each.parameters[0], offset) for each, offset in zip(model.models, offsets, strict=True)]
+    return [
+        (joint_model.law, joint_model.parameters[0], offset)
+        for joint_model, offset in zip(model.models, offsets, strict=True)
+    ]
 
 
 def torque_under(
@@ -268,7 +273,7 @@ class CompiledRigidIntegrator:
         """
         after = np.array(state, dtype=float)
         arrays = (after, np.ascontiguousarray(tau, dtype=float), self._parameters, self._jumps)
-        pointers = [self._ffi.from_buffer("double[]", each) for each in arrays]
+        pointers = [self._ffi.from_buffer("double[]", array) for array in arrays]
         if self._lib.rigid_advance(*pointers, duration / self.steps, self.steps):
             raise np.linalg.LinAlgError("M(q) is not positive definite")
         return after
@@ -308,7 +313,7 @@ def _terms(n: int, dynamics: Program, sizes: list[int], count: int) -> Program:
     The first ``sizes`` of these are the parameters of ``dynamics`` and the inertias (n,) added to the diagonal of M.
     """
     builder = Builder()
-    q, dq = (builder.input(_vector(*each)) for each in (("q", n, Role.POSITION), ("dq", n, Role.VELOCITY)))
+    q, dq = (builder.input(_vector(*arguments)) for arguments in (("q", n, Role.POSITION), ("dq", n, Role.VELOCITY)))
     given = builder.input(_vector("parameters", count))
     bounds = np.cumsum([0, *sizes])
     *inputs, added = (given[start:stop] for start, stop in pairwise(bounds))

@@ -56,14 +56,14 @@ def elastic_modes(
             A = A - np.outer(B[:, j], x_and_v)
     values, right = np.linalg.eig(A)
     left = np.linalg.pinv(right)
-    found = []
+    modes = []
     for k in np.flatnonzero(values.imag > 1.0):
         s = values[k]
         residue = (C[joint] @ right[:, k]) * (left[k] @ B[:, joint])
         peak = float(abs(residue) / max(-s.real, 1e-9 * abs(s)) * abs(s) ** 2)
         if peak > VISIBLE and -s.real < MOST_DAMPING * abs(s):
-            found.append(ElasticMode(float(abs(s) / (2.0 * np.pi)), float(-s.real / abs(s)), peak))
-    return sorted(found, key=lambda mode: mode.frequency)
+            modes.append(ElasticMode(float(abs(s) / (2.0 * np.pi)), float(-s.real / abs(s)), peak))
+    return sorted(modes, key=lambda mode: mode.frequency)
 
 
 def modes_of_arm(mass: Array, joints: FlexibleJoints) -> list[ElasticMode]:
@@ -71,14 +71,14 @@ def modes_of_arm(mass: Array, joints: FlexibleJoints) -> list[ElasticMode]:
 
     ``mass`` is M(q) of the links (n, n), kg m^2. The peak of a mode is that at the joint where it is largest.
     """
-    found: list[ElasticMode] = []
+    modes: list[ElasticMode] = []
     for mode in (mode for joint in range(len(mass)) for mode in elastic_modes(mass, joint, joints, None)):
-        same = [k for k, each in enumerate(found) if abs(each.frequency / mode.frequency - 1.0) < SAME]
+        same = [k for k, candidate in enumerate(modes) if abs(candidate.frequency / mode.frequency - 1.0) < SAME]
         if not same:
-            found.append(mode)
-        elif mode.peak > found[same[0]].peak:
-            found[same[0]] = mode
-    return sorted(found, key=lambda mode: mode.frequency)
+            modes.append(mode)
+        elif mode.peak > modes[same[0]].peak:
+            modes[same[0]] = mode
+    return sorted(modes, key=lambda mode: mode.frequency)
 
 
 def linear_model(mass: Array, joints: FlexibleJoints | None, base: FlexibleBase | None) -> tuple[Array, Array, Array]:

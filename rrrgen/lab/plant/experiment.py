@@ -30,14 +30,14 @@ class MotorLimits:
     torque: Array
     W: Array
 
-    def clipped(self, tau: Array) -> Array:
+    def clip(self, tau: Array) -> Array:
         """Joint torques (n,) that the motors deliver for the command ``tau`` (n,) within their limits.
 
         ``tau_m = W'^-1 tau`` is clipped and mapped back by ``tau = W' tau_m``.
         """
-        own = np.linalg.solve(self.W.T, tau)
-        held = np.clip(own, -self.torque, self.torque)
-        return tau if np.array_equal(held, own) else np.asarray(self.W.T @ held)
+        motor_torques = np.linalg.solve(self.W.T, tau)
+        held = np.clip(motor_torques, -self.torque, self.torque)
+        return tau if np.array_equal(held, motor_torques) else np.asarray(self.W.T @ held)
 
     def saturates(self, tau: Array) -> NDArray[np.bool_]:
         """Which joints (n,) a saturated motor acts on, for the command ``tau`` (n,)."""
@@ -71,14 +71,14 @@ class Instruments:
 
     def read(self, q: Array) -> Array:
         """Encoder readings (n,) of the positions ``q`` (n,), rounded to the resolution."""
-        return _rounded(q, self.encoder_resolution)
+        return _round_to_resolution(q, self.encoder_resolution)
 
     def drive(self, tau: Array) -> Array:
         """Torque (n,) that the drives deliver for the command ``tau`` (n,): rounded, then clipped at the limits."""
-        tau = _rounded(tau, self.torque_resolution)
+        tau = _round_to_resolution(tau, self.torque_resolution)
         limit = self.torque_limit
         held = tau if limit is None else np.clip(tau, -np.asarray(limit), np.asarray(limit))
-        return held if self.motors is None else self.motors.clipped(held)
+        return held if self.motors is None else self.motors.clip(held)
 
     def saturates(self, command: Array) -> NDArray[np.bool_]:
         """Which joints (n,) have their ``command`` (n,) changed by a limit of the joint or of a coupled motor."""
@@ -87,7 +87,7 @@ class Instruments:
         return at_joint if self.motors is None else at_joint | self.motors.saturates(command)
 
 
-def _rounded(values: Array, resolution: tuple[float, ...] | None) -> Array:
+def _round_to_resolution(values: Array, resolution: tuple[float, ...] | None) -> Array:
     if resolution is None:
         return values
     step = np.asarray(resolution, dtype=float)

@@ -43,7 +43,7 @@ class FrictionLike(Protocol):
         """
         ...
 
-    def directed(self, dq: Array, direction: Array, load: Any = 0.0) -> Array:
+    def torque_in_direction(self, dq: Array, direction: Array, load: Any = 0.0) -> Array:
         """Friction torque at ``dq`` (n,) with sgn(dq) replaced by ``direction`` (n,) of -1, 0 or 1."""
         ...
 
@@ -76,9 +76,9 @@ class Friction:
         """Friction torque (n,) at the speeds ``dq`` (n,) with sgn(x) smoothed to tanh(x/width)."""
         return self._under(tau, lambda load: self.model.torque(dq, self.width, load))
 
-    def directed(self, dq: Array, direction: Array, tau: Array) -> Array:
+    def torque_in_direction(self, dq: Array, direction: Array, tau: Array) -> Array:
         """Friction torque (n,) at ``dq`` (n,) with sgn(dq) replaced by ``direction`` (n,) of -1, 0 or 1."""
-        return self._under(tau, lambda load: self.model.directed(dq, direction, load))
+        return self._under(tau, lambda load: self.model.torque_in_direction(dq, direction, load))
 
     def state_torque(self, z: Array, dq: Array, tau: Array) -> Array:
         """Friction torque (n,) in the state ``z`` (n,) at the speeds ``dq`` (n,).
@@ -96,19 +96,19 @@ class Friction:
         if not self.model.has_load:
             return free
         if self.couples_joints:
-            return _settled(tau, free, friction)
+            return _solve_fixed_point(tau, free, friction)
         share = friction(np.ones_like(tau)) - free
         net = tau - free
         return np.asarray(tau - net / (1.0 + share * np.sign(net)))
 
 
-def _settled(tau: Array, found: Array, friction: Callable[[Any], Array]) -> Array:
+def _solve_fixed_point(tau: Array, torques: Array, friction: Callable[[Any], Array]) -> Array:
     """Friction torques ``f = friction(tau - f)`` by fixed-point iteration, for joints coupled by their loads."""
     for _ in range(MOST_ROUNDS):
-        before, found = found, friction(tau - found)
-        if np.abs(found - before).max() <= SETTLED * (1.0 + np.abs(tau).max()):
+        before, torques = torques, friction(tau - torques)
+        if np.abs(torques - before).max() <= SETTLED * (1.0 + np.abs(tau).max()):
             break
-    return found
+    return torques
 
 
 class MotorFriction:
@@ -137,9 +137,9 @@ class MotorFriction:
         """
         return np.asarray(self.joints.torque(dq, width, load) + self._motors(dq, width, load))
 
-    def directed(self, dq: Array, direction: Array, load: Any = 0.0) -> Array:
+    def torque_in_direction(self, dq: Array, direction: Array, load: Any = 0.0) -> Array:
         """Friction torque (n,) with the joints' sgn(dq) replaced by ``direction`` (n,); motor signs are smoothed."""
-        return np.asarray(self.joints.directed(dq, direction, load) + self._motors(dq, self.width, load))
+        return np.asarray(self.joints.torque_in_direction(dq, direction, load) + self._motors(dq, self.width, load))
 
     def state_torque(self, z: Array, dq: Array, load: Any = 0.0, width: Any = 0.0) -> Array:
         """Friction torque (n,) with the joint model in the state ``z`` (n,); the motors' signs are smoothed."""
@@ -168,7 +168,7 @@ class _Frictionless:
     def torque(self, dq: Array, width: float = 0.0, load: Any = 0.0) -> Array:
         return self.zero
 
-    def directed(self, dq: Array, direction: Array, load: Any = 0.0) -> Array:
+    def torque_in_direction(self, dq: Array, direction: Array, load: Any = 0.0) -> Array:
         return self.zero
 
     def rate(self, z: Array, dq: Array) -> Array:

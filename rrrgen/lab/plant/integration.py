@@ -71,7 +71,7 @@ class StiffIntegrator:
 def breaks_away(plant: Plant) -> NDArray[np.bool_]:
     """At which joints (n,) friction jumps where the speed changes its sign, so that they may stick."""
     rest, one, model = np.zeros(plant.n), np.ones(plant.n), plant.friction.model
-    return np.asarray(model.directed(rest, one, one) > model.directed(rest, -one, one))
+    return np.asarray(model.torque_in_direction(rest, one, one) > model.torque_in_direction(rest, -one, one))
 
 
 class RigidIntegrator:
@@ -94,7 +94,7 @@ class RigidIntegrator:
         for _ in range(MOST_STOPS):
             self._decide(state, tau)
             after = self._runge_kutta(state, tau, remaining)
-            stopping = self._reversed(state, after)
+            stopping = self._reversed_joints(state, after)
             if not stopping.any():
                 return after
             fraction = self._first_stop(state, tau, remaining, stopping)
@@ -107,7 +107,7 @@ class RigidIntegrator:
         self._decide(state, tau)
         return self._runge_kutta(state, tau, remaining)
 
-    def _reversed(self, before: Array, after: Array) -> NDArray[np.bool_]:
+    def _reversed_joints(self, before: Array, after: Array) -> NDArray[np.bool_]:
         """Joints (n,) whose speed changed its sign within the step, so that the friction had the wrong direction."""
         sliding = self.jumps & (self.direction != 0.0) & (before[self.n :] != 0.0)
         return np.asarray(sliding & (after[self.n :] * self.direction < 0.0))
@@ -152,9 +152,9 @@ class RigidIntegrator:
             return
         resting = np.flatnonzero(dq == 0.0)
         rest, one = np.zeros(self.n), np.ones(self.n)
-        backward, forward = (self.plant.friction.directed(rest, sign * one, tau) for sign in (-1.0, 1.0))
+        backward, forward = (self.plant.friction.torque_in_direction(rest, sign * one, tau) for sign in (-1.0, 1.0))
         inverse = np.linalg.inv(self.plant.body.mass(q))
-        torque = np.array(self.plant.friction.directed(dq, self.direction, tau))
+        torque = np.array(self.plant.friction.torque_in_direction(dq, self.direction, tau))
         load = tau - self.plant.body.bias(q, dq)
         for _ in range(200):
             largest = 0.0
@@ -171,7 +171,7 @@ class RigidIntegrator:
             self.direction[i] = 0.0 if held else (np.sign(acceleration[i]) or 1.0)
 
     def _acceleration(self, q: Array, dq: Array, tau: Array) -> Array:
-        net = tau - self.plant.friction.directed(dq, self.direction, tau)
+        net = tau - self.plant.friction.torque_in_direction(dq, self.direction, tau)
         free = self.direction != 0.0
         if free.all():
             return self.plant.body.acceleration(q, dq, net)

@@ -128,12 +128,12 @@ class SampledArm:
         """Whether the loop is stable with a modulus margin of at least ``aim``, in all postures."""
         if self._distance(feedback).min() < aim:
             return False
-        return bool(np.abs(np.linalg.eigvals(self.closed(feedback))).max() < 1.0)
+        return bool(np.abs(np.linalg.eigvals(self.closed_loop_matrices(feedback))).max() < 1.0)
 
     def margin(self, feedback: Sequence[StateSpace]) -> LoopMargin:
         """Margin of the loop closed by ``u_i = -feedback_i(e_i)``, the worst of the postures."""
         distance = self._distance(feedback)
-        poles = np.linalg.eigvals(self.closed(feedback))
+        poles = np.linalg.eigvals(self.closed_loop_matrices(feedback))
         radii = np.abs(poles).max(axis=1)
         if radii.max() >= 1.0:
             posture = int(radii.argmax())
@@ -151,7 +151,7 @@ class SampledArm:
         L = (gains / scale)[..., :, None] * self.response * scale[..., None, :]
         return np.asarray(np.linalg.svd(np.eye(len(feedback)) + L, compute_uv=False)[..., -1])
 
-    def closed(self, feedback: Sequence[StateSpace]) -> Array:
+    def closed_loop_matrices(self, feedback: Sequence[StateSpace]) -> Array:
         """State matrices (m, S, S) of the closed loop: arm, feedback of every joint, torques on their way."""
         from scipy.linalg import block_diag
 

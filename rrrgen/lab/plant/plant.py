@@ -119,7 +119,7 @@ class RigidBody:
             return None
         none = self._added is not None and drives is not None
         beta = self._beta(np.zeros(drives.size) if none else drives)
-        return _folded(programs["forward_dynamics"], {Role.BASE_PARAMETERS: beta})
+        return _fold_parameters(programs["forward_dynamics"], {Role.BASE_PARAMETERS: beta})
 
     def _beta(self, drives: Array | None) -> Any:
         """The argument beta of programs, the base parameters and then ``drives`` (k,); None if they are not known."""
@@ -161,7 +161,7 @@ class RigidBody:
         return np.asarray(np.linalg.solve(self.mass(q), net - self.bias(q, dq)))
 
 
-def _folded(program: Program, known: dict[Role, Array]) -> Program:
+def _fold_parameters(program: Program, known: dict[Role, Array]) -> Program:
     """Replace the input parameters ``known`` of ``program`` (by role) by constants."""
     builder = Builder()
     inputs: list[Any] = []

@@ -181,7 +181,7 @@ class LoopSignals:
     q_r: Array
     clipped: int = 0
 
-    def settled(self) -> Array:
+    def settled_rows(self) -> Array:
         """The signals as rows [t, n, u, q, q_r], without the settling periods at the start."""
         rows = np.column_stack([self.t, self.n, self.u, self.q, self.q_r])
         return np.asarray(rows[self.run.settle :])
@@ -200,18 +200,18 @@ def write_responses(
     each posture has a file of its own. ``controller`` is C of ``u = n - C (q - q_r)``, None where it is not known.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    for each in signals:
+    for run_signals in signals:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(COLUMNS)
-        writer.writerows(each.settled().tolist())
-        write_file(folder / f"{each.run.name}.csv", text.getvalue())
+        writer.writerows(run_signals.settled_rows().tolist())
+        write_file(folder / f"{run_signals.run.name}.csv", text.getvalue())
     by_posture: dict[int, list[str]] = {}
-    for each in signals:
-        by_posture.setdefault(each.run.posture, []).append(each.run.name)
+    for run_signals in signals:
+        by_posture.setdefault(run_signals.run.posture, []).append(run_signals.run.name)
     paths = []
     if len(by_posture) > 1 and all(len(names) == 1 for names in by_posture.values()):
-        names = [name for each in by_posture.values() for name in each]
+        names = [name for runs in by_posture.values() for name in runs]
         paths.append(_write_response(folder / "response.yaml", design, names, controller, prismatic, "postures"))
     else:
         for number, names in by_posture.items():

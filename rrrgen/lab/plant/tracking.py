@@ -101,14 +101,14 @@ def check_tracking(
     bent = np.minimum(BEND * load / stiffness, SHARE * largest)
     allowed = np.maximum(np.maximum(SHARE * span, bent), STEPS * resolution)
     lost = tuple(int(joint) for joint in np.flatnonzero(deviation > allowed))
-    found = [
+    oscillations = [
         oscillation(recording.held[:, i], torques[:, i], load[i], i, recording.period, bandwidth)
         for i in range(len(span))
     ]
     error = recording.true_q - recording.reference
     swinging = tuple(
         swing
-        for swing in found
+        for swing in oscillations
         if swing is not None
         and _amplitude(error[:, swing.joint], swing, recording.period) >= CHATTER * resolution[swing.joint]
     )

@@ -127,9 +127,9 @@ def _windows(rows: Array, length: int, trends: bool) -> Complex:
     """
     window = np.hanning(length + 1)[:-1, None]
     t = np.arange(length) - 0.5 * (length - 1)
-    found = []
+    spectra = []
     for start in range(0, len(rows) - length + 1, length // 2):
         part = rows[start : start + length] - rows[start : start + length].mean(axis=0)
         slope = t @ part / (t @ t) if trends else np.zeros(rows.shape[1])
-        found.append(np.fft.rfft(window * (part - np.multiply.outer(t, slope)), axis=0))
-    return np.array(found)
+        spectra.append(np.fft.rfft(window * (part - np.multiply.outer(t, slope)), axis=0))
+    return np.array(spectra)

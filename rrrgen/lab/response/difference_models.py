@@ -13,7 +13,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError, option_name, require
-from rrrgen.lab.estimate.linear import scaled, solve
+from rrrgen.lab.estimate.linear import scale_columns, solve
 from rrrgen.lab.estimate.remainder import Errors, Piece, Remainder, remainder_record, remainders
 from rrrgen.lab.estimate.search import search
 from rrrgen.lab.response.resonances import check_resonances
@@ -55,7 +55,7 @@ def arx(u: Array, y: Array, start: int, stop: int, order: int, delay: int) -> Eq
     past = max(order, delay + size - 1)
     k = np.arange(start + past, stop)
     F = np.column_stack([*(y[k - i] for i in range(1, order + 1)), *(u[k - delay - j] for j in range(size))])
-    B, lengths = scaled(F)
+    B, lengths = scale_columns(F)
     # filtered signals of a nearly unstable model leave singular values at the tolerance: rounding then decides, and
     # another decomposition of the same columns gives a model with another free run
     theta = np.linalg.lstsq(B, y[k], rcond=RANK)[0] / lengths
@@ -254,8 +254,10 @@ def fit_difference_model(
         grows = open_loop and _oscillation_grows(equation)
         candidates.append((grows, error, len(equation.a), kind, equation.delay))
         table.append(row)
-    found = [each for each in candidates if np.isfinite(each[1])]
-    finite = [each[1:] for each in found if not each[0]] or [each[1:] for each in found]
+    finite_candidates = [candidate for candidate in candidates if np.isfinite(candidate[1])]
+    finite = [candidate[1:] for candidate in finite_candidates if not candidate[0]] or [
+        candidate[1:] for candidate in finite_candidates
+    ]
     if not finite:
         raise DerivationError(
             f"{record.name}: {cut - start} rows are too few for an order of 1 and its validation, or no model is stable"
@@ -269,7 +271,7 @@ def fit_difference_model(
             f"({option_name('fit_rows')}) excite every mode several times, not in a single sweep?{hint}"
         )
     limit = NEARLY_BEST * best
-    _, order, kind, delay = min((each[1], each) for each in finite if each[0] <= limit)[1]
+    _, order, kind, delay = min((contender[1], contender) for contender in finite if contender[0] <= limit)[1]
     equation = _fit(kind, u, y, start, stop, order, delay)
     fit = _scores(equation, u, y, start, stop)
     if fit["held_out"]:
@@ -346,8 +348,8 @@ def free_run(equation: Equation, u: Array, y: Array, start: int, stop: int) -> A
     numerator = np.concatenate([np.zeros(equation.delay), equation.b])
     past = y[max(0, start - len(equation.a)) : start][::-1]
     before = u[max(0, start - len(numerator)) : start][::-1]
-    found, _ = lfilter(numerator, denominator, u[start:stop], zi=lfiltic(numerator, denominator, past, before))
-    return np.asarray(found)
+    output, _ = lfilter(numerator, denominator, u[start:stop], zi=lfiltic(numerator, denominator, past, before))
+    return np.asarray(output)
 
 
 def _prefilter(equation: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
@@ -358,17 +360,17 @@ def _prefilter(equation: Equation, u: Array, y: Array, start: int, stop: int) ->
     """
     from scipy.signal import lfilter
 
-    best, found = equation, equation
+    best, iterate = equation, equation
     least = _least_error(equation, u[start:stop], y[start:stop])
     for _ in range(PREFILTERS):
-        denominator = np.concatenate([[1.0], -found.a])
+        denominator = np.concatenate([[1.0], -iterate.a])
         if np.max(np.abs(np.roots(denominator))) > 1.0:
             break
         filtered = [lfilter([1.0], denominator, column[start:stop]) for column in (u, y)]
-        found = arx(filtered[0], filtered[1], 0, stop - start, len(equation.a), equation.delay)
-        error = _least_error(found, u[start:stop], y[start:stop])
+        iterate = arx(filtered[0], filtered[1], 0, stop - start, len(equation.a), equation.delay)
+        error = _least_error(iterate, u[start:stop], y[start:stop])
         if error < least:
-            best, least = found, error
+            best, least = iterate, error
     return best
 
 
@@ -514,8 +516,8 @@ def _one_step(equation: Equation, u: Array, y: Array, begin: int, end: int) -> A
 def _relative(error: Array, y: Array) -> float:
     size = float(np.linalg.norm(y - y.mean()))
     with np.errstate(over="ignore", invalid="ignore"):
-        found = float(np.linalg.norm(error)) / size if size > 0.0 else np.inf
-    return found if np.isfinite(found) else np.inf
+        ratio = float(np.linalg.norm(error)) / size if size > 0.0 else np.inf
+    return ratio if np.isfinite(ratio) else np.inf
 
 
 def _least_error(equation: Equation, u: Array, y: Array) -> float:

@@ -64,10 +64,10 @@ def find_period(n: Array) -> int | None:
     The result is longer than half of ``n`` where less than two periods are recorded. It is the length of ``n`` for a
     single period of a multisine, which is recognized by spectral lines whose magnitudes follow a smooth curve.
     """
-    found = _shift(n[len(n) // 4 :], len(n) // 2)  # the first quarter apart, since an excitation may fade in
-    if found is None:
-        found = _shift(n, int((1.0 - LEAST_OVERLAP) * len(n)))
-    return len(n) if found is None and _is_one_period(n) else found
+    period = _shift(n[len(n) // 4 :], len(n) // 2)  # the first quarter apart, since an excitation may fade in
+    if period is None:
+        period = _shift(n, int((1.0 - LEAST_OVERLAP) * len(n)))
+    return len(n) if period is None and _is_one_period(n) else period
 
 
 def _shift(n: Array, longest: int) -> int | None:
@@ -113,10 +113,10 @@ METHODS = ("local_polynomial", "instrumental", "direct", "indirect")
 def estimate_responses(response: ResponseFile, method: str = "local_polynomial") -> list[FrequencyResponse]:
     """Estimate the responses of a response file: one from all realisations together, or one for every posture."""
     records = read_recordings(response)
-    found = [estimate_one(record, response.period, response.controller, method) for record in records]
-    if response.several == "postures" or len(found) == 1:
-        return found
-    return [combine(found, response.name or "realisations")]
+    responses = [estimate_one(record, response.period, response.controller, method) for record in records]
+    if response.several == "postures" or len(responses) == 1:
+        return responses
+    return [combine(responses, response.name or "realisations")]
 
 
 def estimate_one(
@@ -157,7 +157,7 @@ def estimate_one(
     if samples is not None:
         ratio = np.interp(frequency, lines.frequency, scatter_ratio(lines, plain, spread))
         details["scatter_over_noise"], variance = ratio, ratio * variance
-    found = FrequencyResponse(
+    response = FrequencyResponse(
         name=record.name,
         method=f"{method} ({kind})",
         frequency=frequency,
@@ -172,7 +172,7 @@ def estimate_one(
         dof=dof,
         kernel=kernel,
     )
-    return smooth(found)
+    return smooth(response)
 
 
 def _findings(
@@ -184,15 +184,15 @@ def _findings(
     harmonics, any excitation for friction.
     """
     measures: dict[str, Any] = {}
-    found: list[Caution | None] = []
+    findings: list[Caution | None] = []
     if samples is not None:
         by_lines, measures["detection_lines"] = check_detection_lines(record, lines, P, samples)
         by_scatter, measures["total_over_noise_variance"] = check_repetition(lines, P, variance)
-        found = [by_lines, by_scatter]
+        findings = [by_lines, by_scatter]
     else:
-        found.append(check_limits(record))
-    found.append(check_friction(record, samples, lines, P))
-    return [finding for finding in found if finding is not None], measures
+        findings.append(check_limits(record))
+    findings.append(check_friction(record, samples, lines, P))
+    return [finding for finding in findings if finding is not None], measures
 
 
 def instrumental_response(lines: LineEstimates) -> tuple[Complex, Array]:
@@ -253,7 +253,7 @@ def _check_controller(lines: LineEstimates, controller: ControllerTransferFuncti
     return [Caution("controller", error, WRONG_CONTROLLER, message)]
 
 
-def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
+def combine(responses: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
     """Average the responses of R realisations of one loop, and separate noise from nonlinear distortion.
 
     The variance within a realisation is noise and its scatter over the lines. The variance between realisations also
@@ -262,21 +262,26 @@ def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
     """
     from scipy.stats import chi2
 
-    smoothed = found[0].unsmoothed is not None
-    found = [each.unsmoothed or each for each in found]
-    first = found[0]
-    if any(len(each.P) != len(first.P) or not np.allclose(each.frequency, first.frequency) for each in found):
+    smoothed = responses[0].unsmoothed is not None
+    responses = [response.unsmoothed or response for response in responses]
+    first = responses[0]
+    if any(
+        len(response.P) != len(first.P) or not np.allclose(response.frequency, first.frequency)
+        for response in responses
+    ):
         raise InputError("realisations must be excited at the same frequencies; are these postures? (recordings: ...)")
-    R = len(found)
-    P = np.array([each.P for each in found])
+    R = len(responses)
+    P = np.array([response.P for response in responses])
     mean: Complex = np.mean(P, axis=0, dtype=np.complex128)
     total = np.sum(np.abs(P - mean) ** 2, axis=0) / (R - 1)
-    within = np.mean([each.variance for each in found], axis=0)
-    noise = np.mean([each.variance / each.details.get("scatter_over_noise", 1.0) for each in found], axis=0)
+    within = np.mean([response.variance for response in responses], axis=0)
+    noise = np.mean(
+        [response.variance / response.details.get("scatter_over_noise", 1.0) for response in responses], axis=0
+    )
     typical = float(chi2.ppf(0.5, 2 * (R - 1))) / (2 * (R - 1))
     ratio = float(np.median(total / np.maximum(noise, 1e-300)) / typical)
     size = float(np.median(np.sqrt(total) / np.abs(mean)))
-    findings = [finding for each in found for finding in each.findings]
+    findings = [finding for response in responses for finding in response.findings]
     if ratio > LARGEST_RATIO and size > MATERIAL:
         message = (
             f"realisations differ {times(ratio)} as much as their noise (limit {LARGEST_RATIO}): the plant is not "
@@ -285,7 +290,7 @@ def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
         findings.insert(0, Caution("distortion", ratio, LARGEST_RATIO, message))
     use_total = ratio > LARGEST_RATIO
     variance = (np.maximum(total, within) if use_total else within) / R
-    dof = R - 1.0 if use_total else R * np.min(np.array([each.dof for each in found]), axis=0)
+    dof = R - 1.0 if use_total else R * np.min(np.array([response.dof for response in responses]), axis=0)
     details = {
         "excitation": first.details["excitation"],
         "realisations": R,
@@ -300,9 +305,9 @@ def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
         P=mean,
         variance=variance,
         band95=radius(variance, dof) / np.abs(mean),
-        coherence=np.mean([each.coherence for each in found], axis=0),
+        coherence=np.mean([response.coherence for response in responses], axis=0),
         period=first.period,
-        independent=np.mean(np.array([each.independent for each in found]), axis=0),
+        independent=np.mean(np.array([response.independent for response in responses]), axis=0),
         findings=tuple(findings),
         details=details,
         dof=dof,

@@ -24,9 +24,9 @@ CURVE = 2000  # points of a model's curve
 
 def plot_models(measured: Sequence[FrequencyResponse], models: Sequence[ResponseModel]) -> Figure:
     """Plot measured responses and the curves of the models fitted to them."""
-    low, high = (pick([pick(each.frequency) for each in measured]) for pick in (min, max))
+    low, high = (pick([pick(response.frequency) for response in measured]) for pick in (min, max))
     frequency = np.geomspace(low, high, CURVE)
-    return plot_responses(measured, [("model", frequency, each.response(frequency)) for each in models])
+    return plot_responses(measured, [("model", frequency, model.response(frequency)) for model in models])
 
 
 def plot_resonances(models: Sequence[Resonating]) -> Figure:
@@ -42,12 +42,12 @@ def plot_resonances(models: Sequence[Resonating]) -> Figure:
     style_of_doubt: dict[str, Any] = {"markersize": 3.5, "markerfacecolor": "w", "zorder": 3}
     any_doubt = False
     for number, mode in enumerate(modes):
-        at = [place[name] for name in mode.found]
+        at = [place[name] for name in mode.resonances]
         style = {"color": f"C{number % 10}", "marker": "o", "markersize": 3.5, "linewidth": 0.9, "capsize": 3}
-        found = mode.found.values()
+        resonances = mode.resonances.values()
         for axis, name, values, stds in (
-            (axes[0], "frequency", mode.frequencies, [each.frequency_std for each in found]),
-            (axes[1], "damping", mode.dampings, [each.damping_std for each in found]),
+            (axes[0], "frequency", mode.frequencies, [resonance.frequency_std for resonance in resonances]),
+            (axes[1], "damping", mode.dampings, [resonance.damping_std for resonance in resonances]),
         ):
             axis.errorbar(
                 at,
@@ -55,7 +55,7 @@ def plot_resonances(models: Sequence[Resonating]) -> Figure:
                 yerr=[min(2.0 * (std or 0.0), 0.9 * v) for std, v in zip(stds, values, strict=True)],
                 **style,
             )
-            doubtful = np.array([name in each.uncertain for each in found])
+            doubtful = np.array([name in resonance.uncertain for resonance in resonances])
             axis.plot(
                 np.array(at)[doubtful],
                 values[doubtful],
@@ -77,7 +77,7 @@ def plot_resonances(models: Sequence[Resonating]) -> Figure:
     return figure
 
 
-def plot_responses(found: Sequence[FrequencyResponse], models: Sequence[tuple[str, Array, Complex]] = ()) -> Figure:
+def plot_responses(responses: Sequence[FrequencyResponse], models: Sequence[tuple[str, Array, Complex]] = ()) -> Figure:
     """Plot magnitude (dB), phase (deg), confidence radius and coherence of responses over frequency.
 
     ``models`` are triples (label, frequencies in Hz, response), drawn as dashed curves; each label appears once. The
@@ -89,26 +89,26 @@ def plot_responses(found: Sequence[FrequencyResponse], models: Sequence[tuple[st
     figure, (magnitude, phase, radius, coherence) = new_figure(
         4, 1, 8.4, 7.0, sharex=True, gridspec_kw={"height_ratios": [2.2, 1.6, 0.9, 0.7]}
     )
-    for number, each in enumerate(found):
+    for number, response in enumerate(responses):
         color = f"C{number % 10}"
-        gain, angle = 20.0 * np.log10(np.abs(each.P)), _phase(each.P)
-        band = np.minimum(each.band95, 0.999)
-        lower, upper = 20.0 * np.log10(1.0 - band), 20.0 * np.log10(1.0 + each.band95)
+        gain, angle = 20.0 * np.log10(np.abs(response.P)), _phase(response.P)
+        band = np.minimum(response.band95, 0.999)
+        lower, upper = 20.0 * np.log10(1.0 - band), 20.0 * np.log10(1.0 + response.band95)
         lower = np.maximum(lower, -40.0)
         spread = np.degrees(np.arcsin(band))
-        magnitude.fill_between(each.frequency, gain + lower, gain + upper, color=color, alpha=0.22, linewidth=0)
-        phase.fill_between(each.frequency, angle - spread, angle + spread, color=color, alpha=0.22, linewidth=0)
-        percent = 100.0 * each.band95
-        for axis, values in ((magnitude, gain), (phase, angle), (radius, percent), (coherence, each.coherence)):
-            axis.plot(each.frequency, np.where(each.trusted, values, np.nan), color=color, linewidth=1.1)
-            axis.plot(each.frequency, values, color=color, linewidth=0.7, alpha=0.4)
-        magnitude.plot([], [], color=color, label=each.name if len(found) > 1 else "estimate, 95 % band")
+        magnitude.fill_between(response.frequency, gain + lower, gain + upper, color=color, alpha=0.22, linewidth=0)
+        phase.fill_between(response.frequency, angle - spread, angle + spread, color=color, alpha=0.22, linewidth=0)
+        percent = 100.0 * response.band95
+        for axis, values in ((magnitude, gain), (phase, angle), (radius, percent), (coherence, response.coherence)):
+            axis.plot(response.frequency, np.where(response.trusted, values, np.nan), color=color, linewidth=1.1)
+            axis.plot(response.frequency, values, color=color, linewidth=0.7, alpha=0.4)
+        magnitude.plot([], [], color=color, label=response.name if len(responses) > 1 else "estimate, 95 % band")
     style = {"color": "k", "linewidth": 0.6, "linestyle": "--"}
     for number, (label, frequency, P) in enumerate(models):
         known = label in (other for other, _, _ in models[:number])
         magnitude.plot(frequency, 20.0 * np.log10(np.abs(P)), label=None if known else label, **style)
         phase.plot(frequency, _phase(P), **style)
-    if any(not each.trusted.all() for each in found):
+    if any(not response.trusted.all() for response in responses):
         magnitude.plot([], [], color="0.3", alpha=0.4, linewidth=0.7, label="not trusted")
     magnitude.set_xscale("log")
     coherence.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -128,26 +128,26 @@ def plot_responses(found: Sequence[FrequencyResponse], models: Sequence[tuple[st
     return figure
 
 
-def plot_matrix(found: Sequence[MatrixResponse]) -> Figure:
+def plot_matrix(responses: Sequence[MatrixResponse]) -> Figure:
     """Plot the magnitudes of all elements of a response, with 95 % bands, a colour for each posture.
 
     Dotted lines are the resonances. The row is the position, the column the torque.
     """
-    n = len(found[0].joints)
+    n = len(responses[0].joints)
     figure, axes = new_figure(n, n, 2.0 * n + 0.8, max(4.0, 2.3 * n), sharex=True, sharey=True)
     for (i, j), axis in zip(np.ndindex(n, n), axes, strict=True):
-        for number, each in enumerate(found):
-            gain, band = 20.0 * np.log10(np.abs(each.G[:, i, j])), each.band95[:, i, j]
+        for number, response in enumerate(responses):
+            gain, band = 20.0 * np.log10(np.abs(response.G[:, i, j])), response.band95[:, i, j]
             ends = (gain + 20.0 * np.log10(np.maximum(1.0 - band, 1e-2)), gain + 20.0 * np.log10(1.0 + band))
-            axis.fill_between(each.frequency, *ends, color=f"C{number % 10}", alpha=0.22, linewidth=0)
-            label = each.name if len(found) > 1 else None
-            axis.plot(each.frequency, gain, color=f"C{number % 10}", linewidth=0.9, label=label)
-            for mode in each.resonances:
+            axis.fill_between(response.frequency, *ends, color=f"C{number % 10}", alpha=0.22, linewidth=0)
+            label = response.name if len(responses) > 1 else None
+            axis.plot(response.frequency, gain, color=f"C{number % 10}", linewidth=0.9, label=label)
+            for mode in response.resonances:
                 axis.axvline(mode.frequency, color=f"C{number % 10}", linewidth=0.6, linestyle=":")
         axis.set_xscale("log")
-        joints = found[0].joints
+        joints = responses[0].joints
         style_axes(axis, f"torque of {joints[j]}, Hz" if i == n - 1 else "", f"{joints[i]} (dB)" if j == 0 else "")
-    if len(found) > 1:
+    if len(responses) > 1:
         axes[0].legend(frameon=False, fontsize=8)
     return figure
 

@@ -49,11 +49,11 @@ class FittedModels:
 def fit_responses(measured: Sequence[FrequencyResponse]) -> FittedModels:
     """Fit modes to every response that can be trusted; raises :class:`DerivationError` if none can."""
     models, refused = [], {}
-    for each in measured:
+    for response in measured:
         try:
-            models.append(fit_modes(each))
+            models.append(fit_modes(response))
         except DerivationError as error:
-            refused[each.name] = str(error)
+            refused[response.name] = str(error)
     if not models:
         raise DerivationError("; ".join(refused.values()))
     return FittedModels(models, list(measured), refused)
@@ -83,10 +83,10 @@ def fit_recordings(response: ResponseFile, rows: tuple[int, int] | None, method:
         measured = estimate_one(record, response.period)
     except DerivationError:  # too short for a frequency response to show beside the model
         return FittedModels([model], [], {})
-    return FittedModels([model], [measured], {}, _overlooked(model, measured))
+    return FittedModels([model], [measured], {}, _overlooked_resonances(model, measured))
 
 
-def _overlooked(model: ResponseModel, measured: FrequencyResponse) -> tuple[Resonance, ...]:
+def _overlooked_resonances(model: ResponseModel, measured: FrequencyResponse) -> tuple[Resonance, ...]:
     """The resonances of which the frequency response is certain and that the model does not have."""
     try:
         modes = fit_modes(measured).resonances
@@ -95,7 +95,8 @@ def _overlooked(model: ResponseModel, measured: FrequencyResponse) -> tuple[Reso
     return tuple(
         mode
         for mode in modes
-        if not mode.uncertain and all(abs(each.frequency / mode.frequency - 1.0) > APART for each in model.resonances)
+        if not mode.uncertain
+        and all(abs(resonance.frequency / mode.frequency - 1.0) > APART for resonance in model.resonances)
     )
 
 
@@ -106,17 +107,17 @@ def _modes_of(record: ResponseRecording, period: float | None, rows: tuple[int, 
     first, last = rows
     if last > len(record.q):
         raise InputError(f"rows {first}:{last} of a recording with rows 1:{len(record.q)}")
-    found = fit_responses([estimate_one(_part(record, first - 1, last), period)])
-    fit = found.models[0].fit
+    fitted_models = fit_responses([estimate_one(_part(record, first - 1, last), period)])
+    fit = fitted_models.models[0].fit
     fit["fitted_rows"] = [first, last]
     try:
         other = estimate_one(_part(record, last, len(record.q)), period)
     except DerivationError:  # too short
-        return found
+        return fitted_models
     use = other.trusted
     if not use.any():
-        return found
-    relative = np.abs(found.models[0].response(other.frequency[use]) / other.P[use] - 1.0)
+        return fitted_models
+    relative = np.abs(fitted_models.models[0].response(other.frequency[use]) / other.P[use] - 1.0)
     fit |= {
         "value": 100.0 * (1.0 - float(rms(relative))),
         "protocol": "frequency response of the scored rows at its trusted lines, which includes their own noise",
@@ -125,7 +126,7 @@ def _modes_of(record: ResponseRecording, period: float | None, rows: tuple[int, 
         "lines": int(np.count_nonzero(use)),
         "largest_relative_error_95": float(np.quantile(relative, 0.95)),
     }
-    return found
+    return fitted_models
 
 
 def _part(record: ResponseRecording, start: int, stop: int) -> ResponseRecording:
@@ -153,7 +154,7 @@ def aliases(mode: Resonance, rate: float, bandwidth: float | None = None) -> lis
     highest = ANALOGUE_BANDWIDTH * rate if bandwidth is None else bandwidth
     decay = mode.damping * mode.frequency
     damped = mode.frequency * math.sqrt(max(0.0, 1.0 - mode.damping**2))
-    found = [mode]
+    modes = [mode]
     for k in range(1, int(highest / rate) + 2):
         for image in (k * rate - damped, k * rate + damped):
             frequency = math.hypot(image, decay)
@@ -161,8 +162,8 @@ def aliases(mode: Resonance, rate: float, bandwidth: float | None = None) -> lis
                 damping = decay / frequency
                 share = None if mode.damping_std is None or not mode.damping else mode.damping_std / mode.damping
                 std = None if share is None else abs(share * damping)
-                found.append(replace(mode, frequency=frequency, damping=damping, damping_std=std))
-    return found
+                modes.append(replace(mode, frequency=frequency, damping=damping, damping_std=std))
+    return modes
 
 
 def rates_decide(rate: float, other: float, bandwidth: float) -> bool:
@@ -182,7 +183,7 @@ def alias_lines(modes: Sequence[Resonance], rate: float) -> list[str]:
     lines = []
     for mode in modes:
         others = aliases(mode, rate)[1:]
-        shown = ", ".join(f"{each.frequency:.4g} Hz (damping {each.damping:.3g})" for each in others[:3])
+        shown = ", ".join(f"{alias.frequency:.4g} Hz (damping {alias.damping:.3g})" for alias in others[:3])
         more = f" and {len(others) - 3} more" if len(others) > 3 else ""
         lines.append(f"{mode.frequency:.4g} Hz may stand for {shown}{more}")
     if lines:

@@ -110,28 +110,28 @@ def read_responses(path: Path) -> list[FrequencyResponse]:
     Raises :class:`InputError` for any other file.
     """
 
-    def read(found: Any) -> list[FrequencyResponse]:
-        return [_of_json(each) for each in found.get("postures", [found])]
+    def read(data: Any) -> list[FrequencyResponse]:
+        return [_of_json(posture) for posture in data.get("postures", [data])]
 
     return read_json(path, "frequency response of `rrrgen response frf`", read)
 
 
-def _of_json(found: dict[str, Any]) -> FrequencyResponse:
+def _of_json(data: dict[str, Any]) -> FrequencyResponse:
     names = ("frequency", "re", "im", "variance", "band95", "coherence")
-    columns = {key: np.array(found[key], float) for key in names}
+    columns = {key: np.array(data[key], float) for key in names}
     raw = (
-        {key: np.array(found["unsmoothed"][key], float) for key in ("re", "im", "variance")}
-        if "unsmoothed" in found
+        {key: np.array(data["unsmoothed"][key], float) for key in ("re", "im", "variance")}
+        if "unsmoothed" in data
         else {}
     )
-    period = float(found["sampling_period"])
-    independent = np.broadcast_to(np.array(found["independent_share"], float), columns["frequency"].shape)
+    period = float(data["sampling_period"])
+    independent = np.broadcast_to(np.array(data["independent_share"], float), columns["frequency"].shape)
     lengths = {len(column) for column in (*columns.values(), *raw.values())}
     if len(lengths) > 1 or not (period > 0.0 and np.all((independent > 0.0) & (independent <= 1.0))):
         raise ValueError("columns of different length, or no period")
     response = FrequencyResponse(
-        name=str(found["name"]),
-        method=str(found["method"]),
+        name=str(data["name"]),
+        method=str(data["method"]),
         frequency=columns["frequency"],
         P=columns["re"] + 1j * columns["im"],
         variance=columns["variance"],
@@ -139,7 +139,7 @@ def _of_json(found: dict[str, Any]) -> FrequencyResponse:
         coherence=columns["coherence"],
         period=period,
         independent=independent,
-        findings=tuple(Caution(**each) for each in found["verdict"]["findings"]),
+        findings=tuple(Caution(**finding) for finding in data["verdict"]["findings"]),
     )
     if not raw:
         return response
@@ -194,9 +194,9 @@ def smooth(response: FrequencyResponse) -> FrequencyResponse:
     chosen = np.zeros(len(f), dtype=np.int64)
     for goal, most, values in reversed(GOALS):
         reached = (band < goal) & (half[:, None] <= most * alike)
-        found, least = reached.any(axis=0), reached.argmax(axis=0)
-        if np.sum(_independent(half[least[found]], alike)) >= values:
-            chosen = np.where(found, least, chosen)
+        mask, least = reached.any(axis=0), reached.argmax(axis=0)
+        if np.sum(_independent(half[least[mask]], alike)) >= values:
+            chosen = np.where(mask, least, chosen)
     P, var = value[chosen, line] / f**2, variance[chosen, line] / f**4
     return replace(
         response,
@@ -223,15 +223,17 @@ def _windows(response: FrequencyResponse) -> tuple[Complex, Array, Array]:
 
     f, dof, kernel = response.frequency, response.dof, response.kernel
     shape, spread = response.P * f**2, response.variance * f**4
-    found = {m: _smoothed(f, shape, spread, m, kernel) for m in sorted({*HALF_WIDTHS, *(2 * m for m in HALF_WIDTHS)})}
+    estimates = {
+        m: _smooth_lines(f, shape, spread, m, kernel) for m in sorted({*HALF_WIDTHS, *(2 * m for m in HALF_WIDTHS)})
+    }
     values, variances, freedoms = [shape], [spread], [np.broadcast_to(dof, len(f))]
     allowed = np.ones(len(f), dtype=bool)
     for m in HALF_WIDTHS:
-        value, left, excess, uncertain = found[m]
+        value, left, excess, uncertain = estimates[m]
         alike = 1.0 if kernel is None else _length(kernel, m)
         number = (2 * m + 1) / alike  # of independent lines in the window
         explained = chi2.isf(UNLIKELY, number) / number - 1.0
-        wider = found[2 * m][2] / GROWTH
+        wider = estimates[2 * m][2] / GROWTH
         bias = np.where(np.isfinite(wider), np.maximum(wider, excess - explained * uncertain), excess)
         allowed &= np.isfinite(left) & (bias < LARGEST_BIAS * left)
         values.append(value)
@@ -240,7 +242,7 @@ def _windows(response: FrequencyResponse) -> tuple[Complex, Array, Array]:
     return np.array(values), np.array(variances), np.array(freedoms)
 
 
-def _smoothed(
+def _smooth_lines(
     f: Array, shape: Complex, spread: Array, m: int, kernel: Array | None
 ) -> tuple[Complex, Array, Array, Array]:
     """Smooth over m lines at either side; returns four arrays (L,), one entry per line.

@@ -238,7 +238,7 @@ def noise_lines(record: ResponseRecording) -> LineEstimates:
     k, power = k[use], power[use]
     fits = [_fit(F, k, width)]
     while fits[-1].width >= 2 * LEAST_NOISE_WINDOW:
-        fits.append(_pooled(_fit(F, k, fits[-1].width // 2), width))
+        fits.append(_pool_variance(_fit(F, k, fits[-1].width // 2), width))
     chosen, bias = _widest_without_bias(_fit(F, k, 2 * width), fits, k)
     at = chosen, np.arange(len(k))
     G, V = np.array([fit.G for fit in fits])[at], np.array([fit.V for fit in fits])[at]
@@ -294,14 +294,14 @@ def _fit(F: Complex, k: NDArray[np.int64], width: int) -> _LocalFit:
     return _LocalFit(width, G, V, spread, dof, P, variance, middle == k)
 
 
-def _pooled(fit: _LocalFit, widest: int) -> _LocalFit:
+def _pool_variance(fit: _LocalFit, widest: int) -> _LocalFit:
     """The fit with a variance of P, relative to P, that is the mean over as many lines as the widest window has.
 
     The few lines of a narrow window tell the noise badly, and the response changes faster than the noise in it.
     """
     size = np.abs(fit.P) ** 2 * fit.spread
-    own = np.maximum(fit.variance / np.maximum(size, np.finfo(float).tiny), np.finfo(float).tiny)
-    change = running_mean(own, max(1, round((widest - fit.width) / STEP))) / own
+    relative_variance = np.maximum(fit.variance / np.maximum(size, np.finfo(float).tiny), np.finfo(float).tiny)
+    change = running_mean(relative_variance, max(1, round((widest - fit.width) / STEP))) / relative_variance
     dof = round(fit.dof * (2 * widest + 1) / (2 * fit.width + 1))
     return replace(fit, V=change[:, None, None] * fit.V, variance=change * fit.variance, dof=dof)
 
@@ -324,8 +324,8 @@ def _widest_without_bias(
         shared = np.minimum(wider.spread / fit.spread, 1.0)  # both estimates have the noise of the wider one
         noise = running_mean(fit.variance * (1.0 - shared) * shape, m)
         square = running_mean(np.abs(wider.P - fit.P) ** 2 * shape, m)
-        found = np.where(wider.inside, np.maximum(square - noise, 0.0) / GROWTH / shape, 0.0)
-        biases.append(found / np.maximum(fit.variance, np.finfo(float).tiny))
+        squared_bias = np.where(wider.inside, np.maximum(square - noise, 0.0) / GROWTH / shape, 0.0)
+        biases.append(squared_bias / np.maximum(fit.variance, np.finfo(float).tiny))
     ratio = np.array(biases)
     allowed = np.ones(len(k), dtype=bool)
     for i in range(len(fits) - 1, -1, -1):

@@ -80,12 +80,12 @@ class MatrixResponse:
         """The verdict and the resonances as text."""
         f, diagonal = self.frequency, np.median(np.diagonal(self.band95, axis1=1, axis2=2), axis=0)
         where = ", ".join(f"{name} {at:.4g}" for name, at in zip(self.joints, self.posture, strict=True))
-        found = [
+        lines = [
             f"{self.name} ({where}): {len(f)} lines from {f[0]:.4g} to {f[-1]:.4g} Hz, {self.experiments} experiments; "
             f"95 % band of the diagonal {', '.join(f'{100 * band:.2g}' for band in diagonal)} % (median)"
         ]
-        found += [f"  not trusted: {finding.message}" for finding in self.findings]
-        return [*found, *(f"  resonance {mode}" for mode in self.resonances)]
+        lines += [f"  not trusted: {finding.message}" for finding in self.findings]
+        return [*lines, *(f"  resonance {mode}" for mode in self.resonances)]
 
     def to_json(self) -> dict[str, Any]:
         """The response as plain data."""
@@ -166,17 +166,17 @@ def _matrix(recordings: Sequence[Log], period: float, held: bool, name: str) -> 
     if samples < 2 or abs(samples * dt - period) > 1e-3 * dt * max(1.0, 1e-3 * samples):
         raise InputError(f"the period of {period:.9g} s is not a whole number of samples of {dt:.9g} s")
     spectra = [_spectrum(recording, samples) for recording in recordings]
-    k = _excited(spectra, samples, n)
+    k = _excited_harmonics(spectra, samples, n)
     x = np.pi * k / samples
     factor = np.tan(x) / x if held else np.ones(len(x))
-    experiments = [_experiment(each, k, factor, n) for each in spectra]
-    k, experiments = _determined(k, experiments, n)
+    experiments = [_experiment(spectrum, k, factor, n) for spectrum in spectra]
+    k, experiments = _select_clear_harmonics(k, experiments, n)
     frequency, x = k / (samples * dt), np.pi * k / samples
-    G, variance, dof, findings = _solved(experiments, n)
+    G, variance, dof, findings = _estimate_response(experiments, n)
     of_steps = np.sinc(x / np.pi) * np.exp(-1j * x)  # response of a held torque to its samples
-    responses, spread = (each.reshape(len(k), -1).T for each in (G, variance))
+    responses, spread = (array.reshape(len(k), -1).T for array in (G, variance))
     resonances, table = common_modes(frequency, responses * of_steps, spread * np.abs(of_steps) ** 2, dt)
-    variance, scattered = _scattered(k, frequency, resonances, G, variance, dof, recordings[0].joints)
+    variance, scattered = _widen_by_scatter(k, frequency, resonances, G, variance, dof, recordings[0].joints)
     findings += scattered
     asymmetry, relative = _asymmetry(G, variance)
     if asymmetry > SYMMETRIC and relative > MATERIAL:
@@ -189,7 +189,7 @@ def _matrix(recordings: Sequence[Log], period: float, held: bool, name: str) -> 
     return MatrixResponse(
         name=name,
         joints=recordings[0].joints,
-        posture=np.mean([each.posture for each in spectra], axis=0),
+        posture=np.mean([spectrum.posture for spectrum in spectra], axis=0),
         frequency=frequency,
         G=G,
         variance=variance,
@@ -216,7 +216,7 @@ def _spectrum(recording: Log, samples: int) -> _Spectrum:
 
     The first sample is left out, at which there may be no torque where torques act later than they are recorded.
     """
-    parts = [part.aligned() for part in recording.parts()]
+    parts = [part.align_torques() for part in recording.parts()]
     M = (len(recording) - 1) // samples
     if len(parts) > 1 or M < FEWEST_PERIODS:
         what = "has a gap" if len(parts) > 1 else f"holds {len(recording) / samples:.3g} periods of the excitation"
@@ -231,9 +231,9 @@ def _spectrum(recording: Log, samples: int) -> _Spectrum:
     return _Spectrum(np.fft.fft(rows - rows.mean(axis=0), axis=0) / count, M, parts[0].q[-count:].mean(axis=0))
 
 
-def _excited(spectra: Sequence[_Spectrum], samples: int, n: int) -> NDArray[np.int64]:
+def _excited_harmonics(spectra: Sequence[_Spectrum], samples: int, n: int) -> NDArray[np.int64]:
     """Numbers of the harmonics that are strong in the torque of some joint, in any of the experiments."""
-    parts = [each.F[: each.periods * (samples // 2) : each.periods, :n] for each in spectra]
+    parts = [spectrum.F[: spectrum.periods * (samples // 2) : spectrum.periods, :n] for spectrum in spectra]
     size = np.sqrt(np.sum(np.abs(parts) ** 2, axis=0))
     size[0] = 0.0
     strong = np.any(size > EXCITED * size.max(axis=0).clip(np.finfo(float).tiny), axis=1)
@@ -251,12 +251,12 @@ def _experiment(spectrum: _Spectrum, k: NDArray[np.int64], factor: Array, n: int
     return _Experiment((F[k * M] - transient) * scale, noise, dof)
 
 
-def _determined(
+def _select_clear_harmonics(
     k: NDArray[np.int64], experiments: Sequence[_Experiment], n: int
 ) -> tuple[NDArray[np.int64], list[_Experiment]]:
     """The harmonics at which every combination of the torques was excited far above the noise."""
-    U = np.stack([each.Z[:, :n] for each in experiments], axis=2)
-    noise = np.mean([each.noise[:, :n, :n] for each in experiments], axis=0)
+    U = np.stack([experiment.Z[:, :n] for experiment in experiments], axis=2)
+    noise = np.mean([experiment.noise[:, :n, :n] for experiment in experiments], axis=0)
     least = 1e-20 * np.sum(np.abs(U) ** 2, axis=(1, 2)) + np.finfo(float).tiny
     white = np.linalg.solve(np.linalg.cholesky(noise + least[:, None, None] * np.eye(n)), U)
     clear = np.linalg.svd(white, compute_uv=False)[:, -1] > SURELY
@@ -265,24 +265,28 @@ def _determined(
             f"at none of {len(k)} lines all torques stand out from the noise in different combinations: is the period "
             "that of the excitation, and does it differ from experiment to experiment?"
         )
-    return k[clear], [_Experiment(each.Z[clear], each.noise[clear], each.dof) for each in experiments]
+    return k[clear], [
+        _Experiment(experiment.Z[clear], experiment.noise[clear], experiment.dof) for experiment in experiments
+    ]
 
 
-def _solved(experiments: Sequence[_Experiment], n: int) -> tuple[Complex, Array, Array, list[Caution]]:
+def _estimate_response(experiments: Sequence[_Experiment], n: int) -> tuple[Complex, Array, Array, list[Caution]]:
     """The response (K, n, n), variances and degrees of freedom of its elements, reasons not to trust it.
 
     Errors of the experiments e add to ``sum_e (dy_e - G du_e) (U^+)_e``. What more experiments than joints leave of
     ``Y - G U`` beyond their noise is distortion, and widens the variance.
     """
-    Z = np.stack([each.Z for each in experiments], axis=2)
+    Z = np.stack([experiment.Z for experiment in experiments], axis=2)
     U, Y = Z[:, :n], Z[:, n:]
     inverse = np.linalg.pinv(U)
     G = Y @ inverse
     a = np.concatenate([-G, np.broadcast_to(np.eye(n), G.shape)], axis=2)
-    own = np.stack([np.einsum("kia,kab,kib->ki", a, each.noise, a.conj()).real for each in experiments])  # (E, K, n)
-    shares = own[..., None] * np.abs(inverse.transpose(1, 0, 2))[:, :, None, :] ** 2
+    noise = np.stack(
+        [np.einsum("kia,kab,kib->ki", a, experiment.noise, a.conj()).real for experiment in experiments]
+    )  # (E, K, n)
+    shares = noise[..., None] * np.abs(inverse.transpose(1, 0, 2))[:, :, None, :] ** 2
     variance = np.maximum(shares.sum(axis=0), np.finfo(float).tiny)
-    freedom = np.array([each.dof for each in experiments], float)
+    freedom = np.array([experiment.dof for experiment in experiments], float)
     dof = variance**2 / np.maximum(np.einsum("ekij,e->kij", shares**2, 1.0 / freedom), np.finfo(float).tiny)
     spare = len(experiments) - n
     if not spare:
@@ -291,7 +295,7 @@ def _solved(experiments: Sequence[_Experiment], n: int) -> tuple[Complex, Array,
 
     left = np.sum(np.abs(Y - G @ U) ** 2, axis=2)
     kept = 1.0 - np.einsum("kej,kje->ke", inverse, U).real
-    expected = np.einsum("eki,ke->ki", own, kept)
+    expected = np.einsum("eki,ke->ki", noise, kept)
     typical = float(chi2.ppf(0.5, 2 * spare)) / (2 * spare)
     ratio = float(np.median(left / np.maximum(expected, np.finfo(float).tiny))) / typical
     size = float(np.median(np.sqrt(left / np.sum(np.abs(Y) ** 2, axis=2))))
@@ -304,7 +308,7 @@ def _solved(experiments: Sequence[_Experiment], n: int) -> tuple[Complex, Array,
     return G, ratio * variance, dof, [Caution("distortion", ratio, LARGEST_RATIO, message)]
 
 
-def _scattered(
+def _widen_by_scatter(
     k: NDArray[np.int64],
     frequency: Array,
     resonances: Sequence[Resonance],

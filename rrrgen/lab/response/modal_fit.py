@@ -77,7 +77,7 @@ class _Candidate:
         """Median cost of a spectral line, at least 1; it is about 1 where the model explains all but the noise."""
         return max(1.0, float(np.median(self.costs)))
 
-    def capped(self, scale: float) -> float:
+    def capped_cost(self, scale: float) -> float:
         """Sum of the costs of the lines in units of ``scale``; a line counts for at most :data:`MOST_OF_A_LINE`."""
         return float(np.sum(np.minimum(self.costs / scale, MOST_OF_A_LINE)))
 
@@ -93,7 +93,7 @@ def fit_modes(response: FrequencyResponse) -> ResponseModel:
     # neighbouring lines that share data count for as much as independent ones in their place would
     share = np.broadcast_to(response.independent, len(use))[use]
     lines = _lines(response.frequency[use], P[None], raw.variance[use][None] / share, share, response.period)
-    chosen, table = _chosen(lines, response.frequency[use], share)
+    chosen, table = _choose_candidate(lines, response.frequency[use], share)
     return _model(response, lines, chosen, table)
 
 
@@ -108,19 +108,19 @@ def common_modes(
     if len(frequency) < LEAST_LINES:
         raise DerivationError(f"{len(frequency)} lines can be used: {LEAST_LINES} are the least")
     lines = _lines(frequency, P, variance, 1.0, period)
-    chosen, table = _chosen(lines, frequency, 1.0)
-    found = _resonances(lines, chosen, frequency)
+    chosen, table = _choose_candidate(lines, frequency, 1.0)
+    resonances = _resonances(lines, chosen, frequency)
     # gravity and viscous friction bend the response at low frequencies, where the model has a double integrator
-    above = frequency > FAR_BELOW * found[0].frequency if found else np.zeros(len(frequency), bool)
+    above = frequency > FAR_BELOW * resonances[0].frequency if resonances else np.zeros(len(frequency), bool)
     if np.count_nonzero(above) < LEAST_LINES or above.all():
-        return found, table
+        return resonances, table
     lines = _lines(frequency[above], P[:, above], variance[:, above], 1.0, period)
-    modes = np.log([[each.frequency, each.damping] for each in found]).ravel()
+    modes = np.log([[mode.frequency, mode.damping] for mode in resonances]).ravel()
     refined = _refine(lines, _solve(lines, modes, chosen.delay, chosen.integrators), LAST_STEPS)
-    return _resonances(lines, _needed(lines, refined), frequency), table
+    return _resonances(lines, _drop_needless_modes(lines, refined), frequency), table
 
 
-def _needed(lines: _Lines, best: _Candidate) -> _Candidate:
+def _drop_needless_modes(lines: _Lines, best: _Candidate) -> _Candidate:
     """The candidate without the modes that only took up what a double integrator leaves at low frequencies."""
     penalty = (1.0 + len(lines.P)) * np.log(2.0 * lines.P.size)
     while len(best.modes):
@@ -128,8 +128,8 @@ def _needed(lines: _Lines, best: _Candidate) -> _Candidate:
         fewer = [
             _solve(lines, np.delete(pairs, k, axis=0).ravel(), best.delay, best.integrators) for k in range(len(pairs))
         ]
-        least = min(fewer, key=lambda each: each.capped(best.scale))
-        if least.capped(best.scale) > best.capped(best.scale) + penalty:
+        least = min(fewer, key=lambda candidate: candidate.capped_cost(best.scale))
+        if least.capped_cost(best.scale) > best.capped_cost(best.scale) + penalty:
             break
         best = _refine(lines, least, LAST_STEPS) if len(least.modes) else least
     return best
@@ -141,26 +141,30 @@ def _lines(frequency: Array, P: Complex, variance: Array, share: Array | float, 
     return _Lines(np.exp(-2j * np.pi * frequency * period), P, 1.0 / sigma, period)
 
 
-def _chosen(lines: _Lines, frequency: Array, share: Array | float) -> tuple[_Candidate, tuple[dict[str, Any], ...]]:
+def _choose_candidate(
+    lines: _Lines, frequency: Array, share: Array | float
+) -> tuple[_Candidate, tuple[dict[str, Any], ...]]:
     """The candidate of least description length, refined, and the table of all of them."""
-    found = [candidate for delay in DELAYS for candidate in _growing(lines, frequency, delay, 2)]
-    if not _integrates(lines, min(found, key=lambda each: each.cost)):
-        found += [candidate for delay in DELAYS for candidate in _growing(lines, frequency, delay, 0)]
-    scale = min(found, key=lambda each: each.cost).scale
-    sizes = [len(each.modes) + each.numerators.size for each in found]
+    candidates = [candidate for delay in DELAYS for candidate in _growing(lines, frequency, delay, 2)]
+    if not _integrates(lines, min(candidates, key=lambda candidate: candidate.cost)):
+        candidates += [candidate for delay in DELAYS for candidate in _growing(lines, frequency, delay, 0)]
+    scale = min(candidates, key=lambda candidate: candidate.cost).scale
+    sizes = [len(candidate.modes) + candidate.numerators.size for candidate in candidates]
     values = 2.0 * lines.P.size
-    lengths = [each.capped(scale) + 0.5 * m * np.log(values) for each, m in zip(found, sizes, strict=True)]
+    lengths = [
+        candidate.capped_cost(scale) + 0.5 * m * np.log(values) for candidate, m in zip(candidates, sizes, strict=True)
+    ]
     table = tuple(
         {
-            "integrators": each.integrators,
-            "delay": each.delay,
-            "modes": len(each.modes) // 2,
-            "misfit": float(np.mean(each.costs.reshape(lines.P.shape) / share)),
+            "integrators": candidate.integrators,
+            "delay": candidate.delay,
+            "modes": len(candidate.modes) // 2,
+            "misfit": float(np.mean(candidate.costs.reshape(lines.P.shape) / share)),
             "description_length": float(length),
         }
-        for each, length in zip(found, lengths, strict=True)
+        for candidate, length in zip(candidates, lengths, strict=True)
     )
-    best = found[int(np.argmin(lengths))]
+    best = candidates[int(np.argmin(lengths))]
     return (best if not len(best.modes) else _refine(lines, best, LAST_STEPS)), table
 
 
@@ -170,23 +174,23 @@ def _integrates(lines: _Lines, best: _Candidate) -> bool:
     If it does, no model of a joint that is held is tried.
     """
     held = _solve(lines, best.modes, best.delay, 0)
-    return bool(held.capped(best.scale) > best.capped(best.scale) + NEEDED * np.log(2.0 * lines.P.size))
+    return bool(held.capped_cost(best.scale) > best.capped_cost(best.scale) + NEEDED * np.log(2.0 * lines.P.size))
 
 
 def _growing(lines: _Lines, frequency: Array, delay: int, integrators: int) -> list[_Candidate]:
     """Candidates with 0, 1, .. modes; each adds the mode that lowers the cost most, and refines all modes."""
-    found = [_solve(lines, np.empty(0), delay, integrators)]
+    candidates = [_solve(lines, np.empty(0), delay, integrators)]
     grid = np.geomspace(frequency[0] * 1.05, frequency[-1] * 0.98, SCAN)
     penalty = (1.0 + len(lines.P)) * np.log(2.0 * lines.P.size)
-    while len(found) <= MOST_MODES:
-        last = found[-1]
+    while len(candidates) <= MOST_MODES:
+        last = candidates[-1]
         mode = _best_further_mode(lines, last, grid)
         started = _solve(lines, np.concatenate([last.modes, np.log(mode)]), delay, integrators)
         refined = _refine(lines, started, GROWING_STEPS)
-        if refined.capped(last.scale) > last.capped(last.scale) - penalty:
+        if refined.capped_cost(last.scale) > last.capped_cost(last.scale) - penalty:
             break
-        found.append(refined)
-    return found
+        candidates.append(refined)
+    return candidates
 
 
 def _best_further_mode(lines: _Lines, last: _Candidate, grid: Array) -> tuple[float, float]:
@@ -199,11 +203,11 @@ def _best_further_mode(lines: _Lines, last: _Candidate, grid: Array) -> tuple[fl
     further = _basis(lines, np.log(trials).ravel(), last.delay, 0)
     explained = np.zeros(len(trials))
     for P, weight in zip(lines.P, lines.weight, strict=True):
-        H = _stacked(present * weight[:, None])
+        H = _real_rows(present * weight[:, None])
         Q = np.linalg.qr(H / np.linalg.norm(H, axis=0))[0] if H.shape[1] else np.zeros((len(H), 0))
-        target = _stacked((P * weight)[:, None])[:, 0]
+        target = _real_rows((P * weight)[:, None])[:, 0]
         rest = target - Q @ (Q.T @ target)
-        X = _stacked(further * weight[:, None])
+        X = _real_rows(further * weight[:, None])
         X = X / np.linalg.norm(X, axis=0)
         X = (X - Q @ (Q.T @ X)).reshape(len(X), len(trials), 2)
         right = np.einsum("ltc,l->tc", X, rest)
@@ -213,7 +217,7 @@ def _best_further_mode(lines: _Lines, last: _Candidate, grid: Array) -> tuple[fl
     return float(f), float(damping)
 
 
-def _stacked(values: Complex) -> Array:
+def _real_rows(values: Complex) -> Array:
     """Convert complex rows to real ones: the real parts, then the imaginary parts below them."""
     return np.concatenate([values.real, values.imag])
 
@@ -246,11 +250,11 @@ def _solve(lines: _Lines, modes: Array, delay: int, integrators: int) -> _Candid
     basis = _basis(lines, modes, delay, integrators)
     numerators, costs = np.empty((len(lines.P), basis.shape[1])), np.empty(lines.P.shape)
     for k, (P, weight) in enumerate(zip(lines.P, lines.weight, strict=True)):
-        right = _stacked((P * weight)[:, None])[:, 0]
+        right = _real_rows((P * weight)[:, None])[:, 0]
         if not basis.shape[1]:
             costs[k] = _costs(right)
             continue
-        fit = solve(_stacked(basis * weight[:, None]), right, RANK)
+        fit = solve(_real_rows(basis * weight[:, None]), right, RANK)
         numerators[k], costs[k] = fit.x, _costs(fit.residual(right))
     return _Candidate(modes, numerators, costs.ravel(), delay, integrators)
 
@@ -261,9 +265,9 @@ def _costs(rest: Array) -> Array:
 
 
 def _residual(lines: _Lines, modes: Array, delay: int, integrators: int) -> Array:
-    found = _solve(lines, modes, delay, integrators)
-    left = (lines.P - found.numerators @ _basis(lines, modes, delay, integrators).T) * lines.weight
-    return np.concatenate([_stacked(each) for each in left])
+    candidate = _solve(lines, modes, delay, integrators)
+    left = (lines.P - candidate.numerators @ _basis(lines, modes, delay, integrators).T) * lines.weight
+    return np.concatenate([_real_rows(row) for row in left])
 
 
 def _slopes(lines: _Lines, modes: Array, delay: int, integrators: int) -> Array:
@@ -272,38 +276,38 @@ def _slopes(lines: _Lines, modes: Array, delay: int, integrators: int) -> Array:
     Refitting removes from each column what the numerators can represent. Of this derivative of variable projection,
     only Kaufman's part is computed, with which the gradient of the squared residual is exact.
     """
-    found = _solve(lines, modes, delay, integrators)
+    candidate = _solve(lines, modes, delay, integrators)
     basis = _basis(lines, modes, delay, integrators)
     bends = _bends(lines, modes)
     first, found_by_response = 2 * bool(integrators), []
-    for weight, numerators in zip(lines.weight, found.numerators, strict=True):
-        real = _stacked(basis * weight[:, None])
+    for weight, numerators in zip(lines.weight, candidate.numerators, strict=True):
+        real = _real_rows(basis * weight[:, None])
         Q = np.linalg.qr(real / np.linalg.norm(real, axis=0))[0]
         columns = []
         for i, changes in enumerate(bends):
             pair = basis[:, first + 2 * i : first + 2 * i + 2]
-            own = pair @ numerators[first + 2 * i : first + 2 * i + 2]
+            contribution = pair @ numerators[first + 2 * i : first + 2 * i + 2]
             turned = pair[:, 1] / lines.z**delay  # z^-1/(1 - a1 z^-1 - a2 z^-2)
-            columns += [own * turned * (a1 + a2 * lines.z) for a1, a2 in changes]
-        J = -_stacked(np.asarray(np.stack(columns, axis=1) * weight[:, None], complex))
+            columns += [contribution * turned * (a1 + a2 * lines.z) for a1, a2 in changes]
+        J = -_real_rows(np.asarray(np.stack(columns, axis=1) * weight[:, None], complex))
         found_by_response.append(J - Q @ (Q.T @ J))
     return np.concatenate(found_by_response)
 
 
 def _bends(lines: _Lines, modes: Array) -> list[list[tuple[float, float]]]:
     """Derivatives of the coefficients (a1, a2) of every mode's denominator by its ln f and by its ln zeta."""
-    found = []
+    derivatives = []
     for log_f, log_damping in modes.reshape(-1, 2):
         omega, damping = 2.0 * np.pi * np.exp(log_f) * lines.period, float(np.exp(log_damping))
         root = np.sqrt(1.0 - damping**2)
         radius, angle = np.exp(-damping * omega), omega * root
         change = -damping * omega * radius
-        own = []
+        mode_derivatives = []
         for bend in (angle, -omega * damping**2 / root):  # of the angle; the radius changes alike with both
             a1 = 2.0 * (change * np.cos(angle) - radius * np.sin(angle) * bend)
-            own.append((float(a1), float(-2.0 * radius * change)))
-        found.append(own)
-    return found
+            mode_derivatives.append((float(a1), float(-2.0 * radius * change)))
+        derivatives.append(mode_derivatives)
+    return derivatives
 
 
 def _refine(lines: _Lines, start: _Candidate, steps: int) -> _Candidate:
@@ -318,10 +322,10 @@ def _refine(lines: _Lines, start: _Candidate, steps: int) -> _Candidate:
     highest = np.tile([np.log(0.5 / lines.period), np.log(0.9)], len(start.modes) // 2)
     begin = np.minimum(start.modes, highest - 1e-3)
     with np.errstate(divide="ignore", invalid="ignore"):  # of a damping on which no line depends
-        found = least_squares(
+        optimum = least_squares(
             residual, begin, slopes, bounds=(-np.inf, highest), x_scale=0.01, ftol=1e-6, max_nfev=steps
         )
-    return _solve(lines, np.asarray(found.x), start.delay, start.integrators)
+    return _solve(lines, np.asarray(optimum.x), start.delay, start.integrators)
 
 
 def _model(
@@ -367,14 +371,14 @@ def _model(
 
 def _resonances(lines: _Lines, best: _Candidate, used: Array) -> tuple[Resonance, ...]:
     """The modes within the ``used`` frequencies (L,) with their deviations, sorted by frequency."""
-    found = []
+    resonances = []
     for (log_f, log_damping), (std_f, std_damping) in zip(
         best.modes.reshape(-1, 2), _deviations(lines, best), strict=True
     ):
         f, damping = float(np.exp(log_f)), float(np.exp(log_damping))
         if damping < HIGHEST_DAMPING and used[0] <= f <= used[-1]:  # a pole outside the band is no measured resonance
-            found.append(resonance(f, damping, float(std_f), float(std_damping)))
-    return tuple(sorted(found, key=lambda each: each.frequency))
+            resonances.append(resonance(f, damping, float(std_f), float(std_damping)))
+    return tuple(sorted(resonances, key=lambda mode: mode.frequency))
 
 
 def _deviations(lines: _Lines, best: _Candidate) -> Array:

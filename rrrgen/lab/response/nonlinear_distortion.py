@@ -102,11 +102,11 @@ def scatter_ratio(lines: LineEstimates, P: Complex, variance: Array) -> Array:
     ratio = np.stack([_scatter(lines, P, variance, order)[0] for order in ORDERS])
     size = min(2 * PART + 1, ratio.shape[1])
     windows = np.lib.stride_tricks.sliding_window_view(ratio, size, axis=1)
-    found = _relative_quantile(windows, 0.5, lines.dof[0]).min(
+    medians = _relative_quantile(windows, 0.5, lines.dof[0]).min(
         axis=0
     )  # a curve that bends fits one better, scatter none
-    before = (len(P) - len(found)) // 2
-    return np.asarray(np.maximum(np.pad(found, (before, len(P) - len(found) - before), mode="edge"), 1.0))
+    before = (len(P) - len(medians)) // 2
+    return np.asarray(np.maximum(np.pad(medians, (before, len(P) - len(medians) - before), mode="edge"), 1.0))
 
 
 def _relative_quantile(ratio: Array, share: float, dof: float) -> Array:
@@ -136,9 +136,9 @@ def _scatter(lines: LineEstimates, P: Complex, variance: Array, order: int) -> t
     basis = position[:, :, None] ** np.arange(order + 1)
     hat = np.linalg.pinv(basis)[:, 0]
     fitted = np.einsum("lr,lr->l", hat, shape[inner])
-    own = hat[:, NEIGHBOURS]
+    leverage = hat[:, NEIGHBOURS]
     misfit = np.abs(shape[index] - fitted)
-    expected = np.einsum("lr,lr->l", hat**2, spread[inner]) + (1.0 - 2.0 * own) * spread[index]
+    expected = np.einsum("lr,lr->l", hat**2, spread[inner]) + (1.0 - 2.0 * leverage) * spread[index]
     return misfit**2 / expected, misfit / np.abs(shape[index])
 
 
@@ -164,18 +164,18 @@ def check_detection_lines(
     here = np.abs(np.sum(weights * (F[left_out * M, 1:] - T), axis=1)) ** 2
     # distortion of the same size, relative to the signal at the excited lines around
     signal = np.interp(left_out, lines.line, np.abs(P * F[lines.line * M, 1]))
-    found: dict[str, float] = {}
+    ratios: dict[str, float] = {}
     worst: Caution | None = None
     for name, chosen in (("even", left_out % 2 == 0), ("odd", left_out % 2 == 1)):
         if np.count_nonzero(chosen) < 8:
             continue
         ratio = float(_relative_quantile(here[chosen] / noise[chosen], 0.5, dof))
-        found[name] = ratio
+        ratios[name] = ratio
         size = float(np.median(np.sqrt(here[chosen]) / signal[chosen]))
         if ratio > LARGEST_RATIO and size > MATERIAL and (worst is None or ratio > worst.measure):
             message = f"at the {name} harmonics left out there is {times(ratio)} the noise (limit {LARGEST_RATIO})"
             worst = Caution("distortion", ratio, LARGEST_RATIO, message + ": the plant is not linear")
-    return worst, found
+    return worst, ratios
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -228,24 +228,24 @@ def check_friction(record: ResponseRecording, samples: int | None, lines: LineEs
     width = samples or len(velocity) // SLOW_PART
     turns = _share_back(np.convolve(velocity, np.ones(width) / width, "valid")) >= SLOW_SHARE
     sign = np.sign(velocity)
-    found = [_of_noise(record, sign) if samples is None else _of_periods(record, sign, samples)]
+    estimates = [_of_noise(record, sign) if samples is None else _of_periods(record, sign, samples)]
     if samples is not None and turns:
-        found.append(_between_harmonics(record, sign, samples, lines, P))
+        estimates.append(_between_harmonics(record, sign, samples, lines, P))
     large = MATERIAL_FORCE * float(np.std(record.u))
-    for each in found:
-        if each is None or each.certain <= SIGNIFICANT:
+    for estimate in estimates:
+        if estimate is None or estimate.certain <= SIGNIFICANT:
             continue
-        if each.bias <= MATERIAL_BIAS and not (turns and abs(each.force) > large):
+        if estimate.bias <= MATERIAL_BIAS and not (turns and abs(estimate.force) > large):
             continue
-        harm = f"friction biases the response by up to {100 * each.bias:.1f} % and scatters it"
-        if each.bias <= MATERIAL_BIAS:
+        harm = f"friction biases the response by up to {100 * estimate.bias:.1f} % and scatters it"
+        if estimate.bias <= MATERIAL_BIAS:
             harm = "the joint turns round in the recording, and friction there is no part of a linear response"
         message = (
             f"the velocity changes sign ({100 * back:.0f} % of the samples go back), and with it "
-            f"a force of {abs(each.force):.3g} in units of the input ({each.certain:.0f} deviations from none): {harm}"
-            "; move the joint so fast that it never turns"
+            f"a force of {abs(estimate.force):.3g} in units of the input "
+            f"({estimate.certain:.0f} deviations from none): {harm}; move the joint so fast that it never turns"
         )
-        return Caution("friction", each.certain, SIGNIFICANT, message)
+        return Caution("friction", estimate.certain, SIGNIFICANT, message)
     return None
 
 
@@ -260,14 +260,19 @@ def check_limits(record: ResponseRecording) -> Caution | None:
     u = record.u - record.u.mean()
     power = float(np.mean(u**2))
     cube = u**3 / power - float(np.mean(u**4)) / power**2 * u
-    found = _of_noise(record, cube)
-    if found is None or found.certain <= SIGNIFICANT or abs(found.force) * np.std(cube) <= MATERIAL_FORCE * np.std(u):
+    estimate = _of_noise(record, cube)
+    if (
+        estimate is None
+        or estimate.certain <= SIGNIFICANT
+        or abs(estimate.force) * np.std(cube) <= MATERIAL_FORCE * np.std(u)
+    ):
         return None
     message = (
-        f"the input acts less than in proportion where it is large ({found.certain:.0f} deviations from proportion): a "
-        "limit of torque or current; record the input after the limit, or excite less"
+        "the input acts less than in proportion where it is large "
+        f"({estimate.certain:.0f} deviations from proportion): a limit of torque or current; record the input after "
+        "the limit, or excite less"
     )
-    return Caution("limit", found.certain, SIGNIFICANT, message)
+    return Caution("limit", estimate.certain, SIGNIFICANT, message)
 
 
 def _share_back(velocity: Array) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
-from rrrgen.lab.estimate.linear import project, scaled, solve
+from rrrgen.lab.estimate.linear import project, scale_columns, solve
 from rrrgen.lab.estimate.search import search
 from rrrgen.lab.estimate.statistics import rms
 from rrrgen.lab.estimate.tsqr import triangular
@@ -47,24 +47,24 @@ class Resonating(Protocol):
 class ModeOverPostures:
     """One vibration mode: its resonance in each posture in which it was found, by the name of the posture."""
 
-    found: dict[str, Resonance]
+    resonances: dict[str, Resonance]
 
     @property
     def frequencies(self) -> Array:
         """Frequencies of the mode, Hz, (postures,)."""
-        return np.array([each.frequency for each in self.found.values()])
+        return np.array([mode.frequency for mode in self.resonances.values()])
 
     @property
     def dampings(self) -> Array:
         """Damping ratios (postures,)."""
-        return np.array([each.damping for each in self.found.values()])
+        return np.array([mode.damping for mode in self.resonances.values()])
 
     def to_json(self) -> dict[str, Any]:
         """Plain data: the ranges of frequency and damping over the postures, and the values in every posture."""
         return {
             "frequency": [float(np.min(self.frequencies)), float(np.max(self.frequencies))],
             "damping": [float(np.min(self.dampings)), float(np.max(self.dampings))],
-            "postures": {name: each.to_json() for name, each in self.found.items()},
+            "postures": {name: mode.to_json() for name, mode in self.resonances.items()},
         }
 
 
@@ -79,19 +79,28 @@ def modes_over_postures(
     from scipy.optimize import linear_sum_assignment
 
     modes: list[dict[str, Resonance]] = []
-    lists: list[tuple[str, tuple[Resonance, ...]]] = [(each.name, getattr(each, of)) for each in models]
-    for name, own in sorted(lists, key=lambda each: -len(each[1])):
-        cost = np.array([[min(_distance(mode, each) for each in row.values()) for row in modes] for mode in own])
-        pairs = zip(*linear_sum_assignment(np.minimum(cost, 2.0 * FARTHEST)), strict=True) if modes and own else ()
+    lists: list[tuple[str, tuple[Resonance, ...]]] = [(model.name, getattr(model, of)) for model in models]
+    for name, resonances in sorted(lists, key=lambda posture: -len(posture[1])):
+        cost = np.array(
+            [
+                [min(_distance(mode, counterpart) for counterpart in row.values()) for row in modes]
+                for mode in resonances
+            ]
+        )
+        pairs = (
+            zip(*linear_sum_assignment(np.minimum(cost, 2.0 * FARTHEST)), strict=True) if modes and resonances else ()
+        )
         matched = {int(i): int(j) for i, j in pairs if cost[i, j] < FARTHEST}
-        for i, mode in enumerate(own):
+        for i, mode in enumerate(resonances):
             row = modes[matched[i]] if i in matched else {}
             if i not in matched:
                 modes.append(row)
             row[name] = mode
     order = {model.name: place for place, model in enumerate(models)}
     sorted_rows = [dict(sorted(row.items(), key=lambda item: order[item[0]])) for row in modes]
-    return sorted((ModeOverPostures(row) for row in sorted_rows), key=lambda each: float(each.frequencies.mean()))
+    return sorted(
+        (ModeOverPostures(row) for row in sorted_rows), key=lambda matched_mode: float(matched_mode.frequencies.mean())
+    )
 
 
 def _distance(one: Resonance, other: Resonance) -> float:
@@ -149,15 +158,15 @@ def check_resonances(a: Array, delay: int, u: Array, y: Array, period: float) ->
     growth = len(rows.u) * np.log(max(1.0, float(np.max(np.abs(poles), initial=0.0))))
     if growth > LARGEST_GROWTH or len(rows.u) < ROWS_PER_UNKNOWN * (4 * len(poles) + WHITENING_ORDER):
         return tuple(_resonance(p, None, None, period) for p in sorted(poles[weak], key=_frequency))
-    rows = _whitened(rows, poles)
-    kept = _needed(rows, poles, weak)
+    rows = _estimate_whitening(rows, poles)
+    kept = _needed_pairs(rows, poles, weak)
     rest, chosen = poles[~weak], np.array(sorted(poles[kept], key=_frequency))
     if not len(chosen):
         return ()
     logs = np.array([_logs(p) for p in chosen])
-    best, variance = _refined(rows, logs, rest)
-    better = np.concatenate([[_pole(*each) for each in best], rest])  # whose error has less of the modes in it
-    best, variance = _refined(_whitened(rows, better), best, rest)
+    best, variance = _refine_logs(rows, logs, rest)
+    better = np.concatenate([[_pole(*pair) for pair in best], rest])  # whose error has less of the modes in it
+    best, variance = _refine_logs(_estimate_whitening(rows, better), best, rest)
     spread = np.sqrt(variance + (best - logs) ** 2)
     elsewhere = np.abs(best - logs)[:, 0] > CERTAIN["frequency"]  # the mode that the rows show is another one
     spread[elsewhere, 1] = np.inf
@@ -201,8 +210,8 @@ def _columns(rows: _Rows, pole: complex) -> Array:
     pulse[0] = 1.0
     pair = pole.imag > REAL
     denominator = [1.0, -2.0 * pole.real, abs(pole) ** 2] if pair else [1.0, -pole.real]
-    found = lfilter([1.0], denominator, np.stack([rows.u, pulse], axis=1), axis=0)
-    return np.hstack([found, np.vstack([np.zeros((1, 2)), found[:-1]])]) if pair else np.asarray(found)
+    responses = lfilter([1.0], denominator, np.stack([rows.u, pulse], axis=1), axis=0)
+    return np.hstack([responses, np.vstack([np.zeros((1, 2)), responses[:-1]])]) if pair else np.asarray(responses)
 
 
 def _all_columns(rows: _Rows, poles: Poles) -> list[Array]:
@@ -211,7 +220,7 @@ def _all_columns(rows: _Rows, poles: Poles) -> list[Array]:
     return [*(_columns(rows, p) for p in poles), np.stack(late, axis=1)]
 
 
-def _whitened(rows: _Rows, poles: Poles) -> _Rows:
+def _estimate_whitening(rows: _Rows, poles: Poles) -> _Rows:
     """Estimate the filter W from the error of the numerators that fit best."""
     rows = replace(rows, whitening=np.ones(1))
     X = np.hstack(_all_columns(rows, poles))
@@ -232,17 +241,17 @@ def _variance(rows: _Rows, cost: float, unknowns: int) -> float:
     return max(cost / max(len(rows.u) - unknowns, 1), least)
 
 
-def _needed(rows: _Rows, poles: Poles, weak: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _needed_pairs(rows: _Rows, poles: Poles, weak: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask of the ``weak`` pairs that the rows need: the least needed one is left out until all that remain are.
 
     Only the response to the input counts: a free motion of a pair without damping explains a tone in the noise too.
     """
     columns = _all_columns(rows, poles)
-    owner = np.concatenate([np.full(each.shape[1], i) for i, each in enumerate(columns)])
+    owner = np.concatenate([np.full(block.shape[1], i) for i, block in enumerate(columns)])
     for i in range(len(poles)):
         owner[np.flatnonzero(owner == i)[1::2]] = len(poles)  # the responses to the initial state always stay
     X = rows.white(np.hstack(columns))
-    R = triangular(np.column_stack([scaled(X)[0], rows.white(rows.y[:, None])]))
+    R = triangular(np.column_stack([scale_columns(X)[0], rows.white(rows.y[:, None])]))
 
     def cost(mask: NDArray[np.bool_]) -> float:
         use = np.append(mask, True)[owner]
@@ -251,8 +260,8 @@ def _needed(rows: _Rows, poles: Poles, weak: NDArray[np.bool_]) -> NDArray[np.bo
     limit = NEEDED * np.log(2.0 * len(rows.u)) * _variance(rows, cost(np.ones(len(poles), bool)), X.shape[1])
     kept = np.ones(len(poles), bool)
     while (weak & kept).any():
-        own, trials = cost(kept), np.flatnonzero(weak & kept)
-        gains = [cost(kept & (np.arange(len(poles)) != i)) - own for i in trials]
+        current_cost, trials = cost(kept), np.flatnonzero(weak & kept)
+        gains = [cost(kept & (np.arange(len(poles)) != i)) - current_cost for i in trials]
         least = int(np.argmin(gains))
         if gains[least] > limit:
             break
@@ -260,17 +269,17 @@ def _needed(rows: _Rows, poles: Poles, weak: NDArray[np.bool_]) -> NDArray[np.bo
     return np.asarray(weak & kept)
 
 
-def _refined(rows: _Rows, logs: Array, rest: Poles) -> tuple[Array, Array]:
+def _refine_logs(rows: _Rows, logs: Array, rest: Poles) -> tuple[Array, Array]:
     """Maximum-likelihood estimate of the ``logs`` (m, 2) of frequency and damping ratio, and its variances (m, 2).
 
     The poles ``rest`` stay as they are. The numerators are projected out (variable projection), so that the variances
     include their uncertainty.
     """
     y = rows.white(rows.y[:, None])[:, 0]
-    others = [rows.white(each) for each in _all_columns(rows, rest)]
+    others = [rows.white(block) for block in _all_columns(rows, rest)]
 
     def columns(x: Array) -> Array:
-        return np.hstack([*(rows.white(_columns(rows, _pole(*each))) for each in x.reshape(-1, 2)), *others])
+        return np.hstack([*(rows.white(_columns(rows, _pole(*pair))) for pair in x.reshape(-1, 2)), *others])
 
     def linearise(x: Array) -> tuple[Array, Array]:
         return project(columns(x), y, lambda c: _slopes(rows, x.reshape(-1, 2), c), RANK)[:2]
@@ -278,18 +287,20 @@ def _refined(rows: _Rows, logs: Array, rest: Poles) -> tuple[Array, Array]:
     def cost(x: Array) -> float:
         return float(np.sum(solve(columns(x), y, RANK).residual(y) ** 2))
 
-    found = search(logs.ravel(), linearise, cost=cost, largest=LARGEST_STEP, steps=STEPS, small_step=SETTLED)
-    unknowns = columns(found.state).shape[1] + logs.size
-    variances = unknown_variances(found.J, _variance(rows, found.cost, unknowns))
-    return found.state.reshape(-1, 2), variances.reshape(-1, 2)
+    optimum = search(logs.ravel(), linearise, cost=cost, largest=LARGEST_STEP, steps=STEPS, small_step=SETTLED)
+    unknowns = columns(optimum.state).shape[1] + logs.size
+    variances = unknown_variances(optimum.J, _variance(rows, optimum.cost, unknowns))
+    return optimum.state.reshape(-1, 2), variances.reshape(-1, 2)
 
 
 def _slopes(rows: _Rows, logs: Array, coefficients: Array) -> Array:
     """Derivatives (N, 2 m) of the whitened output by ``logs``, for the ``coefficients`` of all columns."""
-    found = []
+    derivatives = []
     for i, at in enumerate(logs):
-        own = coefficients[4 * i : 4 * i + 4]
+        mode_coefficients = coefficients[4 * i : 4 * i + 4]
         for direction in np.eye(2):
-            ends = [_columns(rows, _pole(*(at + sign * DIFFERENCE * direction))) @ own for sign in (1.0, -1.0)]
-            found.append((ends[0] - ends[1]) / (2.0 * DIFFERENCE))
-    return rows.white(np.stack(found, axis=1))
+            ends = [
+                _columns(rows, _pole(*(at + sign * DIFFERENCE * direction))) @ mode_coefficients for sign in (1.0, -1.0)
+            ]
+            derivatives.append((ends[0] - ends[1]) / (2.0 * DIFFERENCE))
+    return rows.white(np.stack(derivatives, axis=1))

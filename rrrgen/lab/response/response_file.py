@@ -130,7 +130,7 @@ class _ResponseReader(SourceReader):
         self.read_sources(top.get("files"))
         excitation = top.get("excitation")
         several = self.choice(top["recordings"], "recordings", SEVERAL) if "recordings" in top else SEVERAL[0]
-        found = ResponseFile(
+        response = ResponseFile(
             files=tuple(self.files.values()),
             time=self.instants(top.get("time")),
             input=self.signal(top.get("input"), "input"),
@@ -144,13 +144,15 @@ class _ResponseReader(SourceReader):
             unit_of_time=self.unit_of_time,
         )
         for what, node in (("input", top.get("input")), ("excitation", excitation)):
-            signal = getattr(found, what)
-            if node is not None and signal.column and signal == found.output:
+            signal = getattr(response, what)
+            if node is not None and signal.column and signal == response.output:
                 self.faults.error(node, f"{what} and output are the same column", "an output follows them")
-        named = [bool(each.file) for each in (found.input, found.output, found.excitation) if each is not None]
+        named = [
+            bool(column.file) for column in (response.input, response.output, response.excitation) if column is not None
+        ]
         if any(named) and not all(named) and len(self.files) > 1:
             self.faults.error(root, "some signals name a file and some do not", "all do, or every file is a recording")
-        return found
+        return response
 
     def read_sources(self, node: Node | None) -> None:
         """Read the recorded files, described as in a mapping file or given as a path or a list of paths."""
@@ -170,13 +172,13 @@ class _ResponseReader(SourceReader):
 
     def instants(self, node: Node | None) -> TimeSource:
         """Read ``time``: a column of times, whose file and unit (s) may be left out, or a rate or period."""
-        found = self.values(node, "time", TIME_KEYS) if node is not None else None
-        if not found or "column" not in found or "rate" in found or "period" in found:
+        entries = self.values(node, "time", TIME_KEYS) if node is not None else None
+        if not entries or "column" not in entries or "rate" in entries or "period" in entries:
             return self.read_time(node)
-        self.unit_of_time = "unit" in found
-        unit = units.read_unit(found["unit"], "time", units.TIME, self.faults) if "unit" in found else "s"
-        file = self.choice(found["file"], "time.file", tuple(self.files)) if "file" in found else ""
-        return TimeSource(None, file, self.column(found["column"], "time.column"), units.TIME[unit or "s"])
+        self.unit_of_time = "unit" in entries
+        unit = units.read_unit(entries["unit"], "time", units.TIME, self.faults) if "unit" in entries else "s"
+        file = self.choice(entries["file"], "time.file", tuple(self.files)) if "file" in entries else ""
+        return TimeSource(None, file, self.column(entries["column"], "time.column"), units.TIME[unit or "s"])
 
     def signal(self, node: Node | None, what: str) -> SignalColumn:
         if node is None:
@@ -220,7 +222,7 @@ def read_recordings(response: ResponseFile) -> list[ResponseRecording]:
 
 
 def _read(response: ResponseFile, source: FileSource, name: str) -> ResponseRecording:
-    by_name = {each.name: each for each in response.files}
+    by_name = {file_source.name: file_source for file_source in response.files}
     signals = [response.excitation or response.input, response.input, response.output]
     wanted = [(by_name[signal.file] if signal.file else source, signal.column, signal.factor) for signal in signals]
     if response.time.period is None:

@@ -164,8 +164,8 @@ class ResponseModel:
         share = np.geomspace(LOWEST_SHARE, 0.49, 50)
         exact = []
         with mpmath.workdps(40):  # in double precision the evaluation itself would be off by more
-            for each in share:
-                z = mpmath.expjpi(-2 * mpmath.mpf(float(each)))
+            for ratio in share:
+                z = mpmath.expjpi(-2 * mpmath.mpf(float(ratio)))
                 top, bottom = (mpmath.polyval(c[::-1].tolist(), z) for c in (self.numerator, self.denominator))
                 exact.append(complex(top / bottom))
         return float(np.max(np.abs(np.array(exact) / self.response(share / self.period) - 1.0)))
@@ -179,8 +179,8 @@ class ResponseModel:
         first = np.flatnonzero(self.b)
         if not len(first):
             return ()
-        found = resonances_of(-self.b[first[0] + 1 :] / self.b[first[0]], self.period)
-        return tuple(each for each in found if each.frequency < HIGHEST_ZERO * 0.5 / self.period)
+        zeros = resonances_of(-self.b[first[0] + 1 :] / self.b[first[0]], self.period)
+        return tuple(zero for zero in zeros if zero.frequency < HIGHEST_ZERO * 0.5 / self.period)
 
     def state_space(self) -> StateSpace:
         """The model in state space, one block for each mode."""
@@ -198,8 +198,10 @@ class ResponseModel:
         require("the export to python-control", "control")
         import control
 
-        found = self.state_space()
-        return control.ss(found.A, found.B[:, None], found.C[None, :], [[found.D]], self.period, name=self.name or None)
+        system = self.state_space()
+        return control.ss(
+            system.A, system.B[:, None], system.C[None, :], [[system.D]], self.period, name=self.name or None
+        )
 
     def lines(self, width: int | None = None) -> list[str]:
         """The report as text: order, scores, resonances, and the models that were compared."""
@@ -235,8 +237,8 @@ class ResponseModel:
             "rounding": self.rounding,
             "state_space": self.state_space().to_json(),
             "fractions": [{"numerator": c, "denominator": d} for c, d in self.fractions],
-            "resonances": [each.to_json() for each in self.resonances],
-            "antiresonances": [vars(each) for each in self.antiresonances],
+            "resonances": [mode.to_json() for mode in self.resonances],
+            "antiresonances": [vars(mode) for mode in self.antiresonances],
             "fit": self.fit,
             "candidates": list(self.table),
         }
@@ -263,34 +265,34 @@ def read_response_models(path: str | Path) -> list[ResponseModel]:
     """
     what = "response model of `rrrgen response model`"
 
-    def read(found: Any) -> list[ResponseModel]:
-        if found["schema"] != SCHEMA:
-            raise InputError(f"{path} is no {what}: schema {found['schema']!r}")
-        return [_of_json(each) for each in found.get("postures", [found])]
+    def read(data: Any) -> list[ResponseModel]:
+        if data["schema"] != SCHEMA:
+            raise InputError(f"{path} is no {what}: schema {data['schema']!r}")
+        return [_of_json(posture) for posture in data.get("postures", [data])]
 
     return read_json(path, what, read)
 
 
-def _of_json(found: dict[str, Any]) -> ResponseModel:
-    a, b = np.array(found["a"], float), np.array(found["b"], float)
-    period, delay = float(found["sampling_period"]), int(found["delay"])
+def _of_json(data: dict[str, Any]) -> ResponseModel:
+    a, b = np.array(data["a"], float), np.array(data["b"], float)
+    period, delay = float(data["sampling_period"]), int(data["delay"])
     if a.ndim != 1 or b.ndim != 1 or not period > 0.0 or delay < 0 or not np.all(np.isfinite([*a, *b])):
         raise ValueError("coefficients, delay or sampling period")
     return ResponseModel(
-        method=str(found["method"]),
+        method=str(data["method"]),
         a=a,
         b=b,
         delay=delay,
         period=period,
         resonances=tuple(
-            Resonance(**{key: value for key, value in each.items() if key != "uncertain"})
-            for each in found["resonances"]
+            Resonance(**{key: value for key, value in mode.items() if key != "uncertain"})
+            for mode in data["resonances"]
         ),
-        fit=dict(found["fit"]),
-        name=str(found["name"]),
+        fit=dict(data["fit"]),
+        name=str(data["name"]),
         fractions=tuple(
-            (np.array(each["numerator"], float), np.array(each["denominator"], float))
-            for each in found.get("fractions", ())
+            (np.array(fraction["numerator"], float), np.array(fraction["denominator"], float))
+            for fraction in data.get("fractions", ())
         ),
     )
 
@@ -299,5 +301,7 @@ def resonances_of(a: Array, period: float) -> tuple[Resonance, ...]:
     """The weakly damped pole pairs of ``1 - sum a_i z^-i`` as resonances, sorted by frequency; ``period`` is in s."""
     roots = np.roots(np.concatenate([[1.0], -a]))
     s = np.log(roots[roots.imag > 1e-9]) / period
-    found = [Resonance(float(abs(each) / (2.0 * np.pi)), float(-each.real / abs(each))) for each in s]
-    return tuple(sorted((each for each in found if abs(each.damping) < HIGHEST_DAMPING), key=attrgetter("frequency")))
+    resonances = [Resonance(float(abs(pole) / (2.0 * np.pi)), float(-pole.real / abs(pole))) for pole in s]
+    return tuple(
+        sorted((mode for mode in resonances if abs(mode.damping) < HIGHEST_DAMPING), key=attrgetter("frequency"))
+    )

@@ -148,15 +148,15 @@ def calibrate(
         files["measurements"] = Path(measurements)
     measured = table.measurements(chosen.sigma, chosen.sigma_angle)
     (progress or ignore)(0, 0, "estimating the geometry")
-    found = estimate_checked(nominal, measured, table, chosen.robust)
+    calibration = estimate_checked(nominal, measured, table, chosen.robust)
     result = CalibrationResult(
-        tuple(entry.name for entry in found.chosen.kept),
-        found.change,
-        found.deviation,
-        tuple(entry.unit for entry in found.chosen.kept),
-        tuple(f"{name}: {reason}" for name, reason in found.chosen.left_out.items()),
+        tuple(entry.name for entry in calibration.chosen.kept),
+        calibration.change,
+        calibration.deviation,
+        tuple(entry.unit for entry in calibration.chosen.kept),
+        tuple(f"{name}: {reason}" for name, reason in calibration.chosen.left_out.items()),
         arm.spec,
-        found,
+        calibration,
         measured,
         random_positions(arm.spec, POSTURES, chosen.seed),
         f"calibrated from {len(measured.q)} measurements ({measured.kind}) of {table.path.name}",

@@ -48,53 +48,53 @@ class ContactOptions(StudyOptions):
 class ContactResult(StudyResult):
     """The result of :func:`rrrgen.contact_thresholds` for a robot called ``name`` with ``joints``.
 
-    ``found`` holds thresholds, covariance of the residuals, and how fast a force at the tip is detected.
+    ``findings`` holds thresholds, covariance of the residuals, and how fast a force at the tip is detected.
     """
 
     name: str
     joints: tuple[str, ...]
-    found: ContactFindings
+    findings: ContactFindings
 
     @property
     def levels(self) -> tuple[float, ...]:
         """Thresholds, one a joint, of the residuals, N m (N)."""
-        return self.found.thresholds.levels
+        return self.findings.thresholds.levels
 
     @property
     def change_levels(self) -> tuple[float, ...]:
         """Thresholds, one a joint, of the changes of the residuals, N m (N)."""
-        return self.found.thresholds.change_levels
+        return self.findings.thresholds.change_levels
 
     def lines(self, width: int | None = None) -> list[str]:
         """The report: thresholds of every joint, and how fast they detect a force at the tip."""
-        limits = self.found.thresholds
+        limits = self.findings.thresholds
         (_, *columns), rows = self.table()
         return [
             "thresholds of residuals and of their changes, and the residuals' root mean square, N m or N:",
             " ".join([" " * 10, *(f"{column:>10}" for column in columns)]),
             *(" ".join([f"  {name:8}", *(f"{value:10.4g}" for value in values)]) for name, *values in rows),
             f"from {limits.blocks} blocks of {limits.block:g} s, for one false alarm in {limits.seconds_per_alarm:g} s",
-            self.found.detection.sentence(),
-            *(f"note: {note}" for note in self.found.notes(self.joints)),
+            self.findings.detection.sentence(),
+            *(f"note: {note}" for note in self.findings.notes(self.joints)),
         ]
 
     def table(self) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
         """Header and rows of the joints: thresholds, and the root mean square of the residuals, N m (N)."""
-        columns = (self.levels, self.change_levels, self.found.covariance.deviations)
+        columns = (self.levels, self.change_levels, self.findings.covariance.deviations)
         return ("joint", "residual", "change", "rms"), list(zip(self.joints, *columns, strict=True))
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``contact.json``."""
         from rrrgen.lab.data.run_folder import plain_record
 
-        return plain_record(self.found.to_json())
+        return plain_record(self.findings.to_json())
 
     def write(self, folder: RunFolder) -> None:
         """Write ``contact.json`` and the C header ``<name>_contact.h`` into an open run folder."""
         from rrrgen.lab.contact import contact_header
 
         folder.write_json("contact.json", self.to_json())
-        folder.write_text(f"{self.name}_contact.h", contact_header(self.name, self.found))
+        folder.write_text(f"{self.name}_contact.h", contact_header(self.name, self.findings))
 
 
 def contact_thresholds(
@@ -161,5 +161,5 @@ def _find(
     recordings = logs.load(findings)
     tell_causes(arm.spec, recordings, findings)
     tuning = None if chosen.tuning is None else read_tuning(chosen.tuning, arm.spec.n)
-    found = findings_of_recordings(arm.model, recordings, tuning, **chosen.settings())
-    return ContactResult(arm.spec.name, tuple(joint.name for joint in arm.spec.joints), found, run=run)
+    contact_findings = findings_of_recordings(arm.model, recordings, tuning, **chosen.settings())
+    return ContactResult(arm.spec.name, tuple(joint.name for joint in arm.spec.joints), contact_findings, run=run)

@@ -119,8 +119,8 @@ def estimate_elastic_joints(
         beside = recording_inputs(links, arm.spec, skip_truncated_line=skip_truncated_line, role="link")
     both = [logs] if beside is None else [logs, beside]
     settings = {**chosen.settings(), "skip_truncated_line": skip_truncated_line, **arm.settings}
-    arrays = {key: value for each in both for key, value in each.settings.get("arrays", {}).items()}
-    files = arm.files | {role: path for each in both for role, path in each.files.items()}
+    arrays = {key: value for inputs in both for key, value in inputs.settings.get("arrays", {}).items()}
+    files = arm.files | {role: path for inputs in both for role, path in inputs.files.items()}
     run = Run("elastic-joints", files, settings | ({"arrays": arrays} if arrays else {}))
     return run.result(partial(_estimate, run, arm, logs, beside, chosen, progress, findings), folder, fresh)
 
@@ -141,6 +141,14 @@ def _estimate(
     positions = () if beside is None else beside.load(findings)
     held, recordings = chosen.torques == "held", logs.load(findings)
     tell_causes(arm.spec, recordings, findings)
-    found = identify_elastic_joints(arm.model, recordings, positions, chosen.bandwidth, progress, held)
-    names, units = found.parameters(arm.spec)
-    return ElasticJointsResult(names, found.values.ravel(), found.std.ravel(), units, found.notes, found, run=run)
+    elastic_joints = identify_elastic_joints(arm.model, recordings, positions, chosen.bandwidth, progress, held)
+    names, units = elastic_joints.parameters(arm.spec)
+    return ElasticJointsResult(
+        names,
+        elastic_joints.values.ravel(),
+        elastic_joints.std.ravel(),
+        units,
+        elastic_joints.notes,
+        elastic_joints,
+        run=run,
+    )

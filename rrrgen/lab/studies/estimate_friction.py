@@ -53,45 +53,45 @@ class FrictionOptions(StudyOptions):
 class FrictionResult(StudyResult):
     """The result of :func:`rrrgen.estimate_friction`: inertia, gravity and friction of one joint.
 
-    ``found`` holds the estimates by every law, ``rest`` stiffness and damping of the bristles at rest, ``loop`` the
+    ``estimate`` holds the estimates by every law, ``rest`` stiffness and damping of the bristles at rest, ``loop`` the
     refinement in the simulated loop; the last two are None if they were not asked for. ``joint`` is what the robot says
     about the joint.
     """
 
     robot: RobotSpec
     joint: RecordedJoint
-    found: FrictionEstimate
+    estimate: FrictionEstimate
     rest: Presliding | None
     loop: LoopRefinement | None
 
     @property
     def law(self) -> str:
         """Name of the chosen law."""
-        return self.found.chosen.name
+        return self.estimate.chosen.name
 
     @property
     def values(self) -> dict[str, float]:
         """Inertia, gravity and the parameters of the chosen law by name, SI."""
-        return self.found.chosen.values
+        return self.estimate.chosen.values
 
     @property
     def std(self) -> dict[str, float]:
         """Standard deviations of :attr:`values` by name."""
-        return self.found.chosen.std
+        return self.estimate.chosen.std
 
     @property
     def spec(self) -> RobotSpec:
         """The robot whose joint has the chosen law, ready for :func:`rrrgen.compile`."""
         from rrrgen.lab.friction.report import with_friction
 
-        return with_friction(self.robot, self.joint.name, self.found.chosen, self.rest)
+        return with_friction(self.robot, self.joint.name, self.estimate.chosen, self.rest)
 
     def lines(self, width: int | None = None) -> list[str]:
         """The report: table of laws, parameters of the chosen law, notes."""
-        return self.found.lines() + ([] if self.rest is None else self.rest.lines()) + self._notes()
+        return self.estimate.lines() + ([] if self.rest is None else self.rest.lines()) + self._notes()
 
     def _notes(self) -> list[str]:
-        return [f"note: {note}" for part in (self.found, self.rest) if part is not None for note in part.notes]
+        return [f"note: {note}" for part in (self.estimate, self.rest) if part is not None for note in part.notes]
 
     def loop_lines(self) -> list[str]:
         """The report on the refinement in the simulated loop; empty without a controller."""
@@ -110,15 +110,15 @@ class FrictionResult(StudyResult):
 
         rest = {} if self.rest is None else {"presliding": self.rest.to_json()}
         loop = {} if self.loop is None else {"closed_loop": self.loop.to_json()}
-        return plain_record(self.found.to_json() | rest | loop)
+        return plain_record(self.estimate.to_json() | rest | loop)
 
     def figures(self) -> dict[str, FigureMaker]:
         """The figures: friction over speed, and torques and speeds of the experiment."""
         from rrrgen.lab.friction.report import plot_experiment, plot_friction
 
         return {
-            "friction": lambda: plot_friction(self.found, self.joint.units),
-            "experiment": lambda: plot_experiment(self.found, self.joint.units),
+            "friction": lambda: plot_friction(self.estimate, self.joint.units),
+            "experiment": lambda: plot_experiment(self.estimate, self.joint.units),
         }
 
     def write(self, folder: RunFolder) -> None:
@@ -205,23 +205,23 @@ def _estimate(
     log, *resting = logs.load()
     findings(log.repairs)
     data = joint_data(log, moving.name, moving.resolution)
-    found = estimate(data, moving.gravity, chosen.laws, chosen.seed, progress, moving.revolute)
-    loop = None if controller is None else refine(found, log, controller, progress)
-    found = found if loop is None else loop.estimate
-    rest = _bristles(found, resting, moving) if resting else None
-    return FrictionResult(arm.spec, moving, found, rest, loop, run=run)
+    friction = estimate(data, moving.gravity, chosen.laws, chosen.seed, progress, moving.revolute)
+    loop = None if controller is None else refine(friction, log, controller, progress)
+    friction = friction if loop is None else loop.estimate
+    rest = _bristles(friction, resting, moving) if resting else None
+    return FrictionResult(arm.spec, moving, friction, rest, loop, run=run)
 
 
-def _bristles(found: FrictionEstimate, resting: Sequence[Log], moving: RecordedJoint) -> Presliding:
+def _bristles(friction: FrictionEstimate, resting: Sequence[Log], moving: RecordedJoint) -> Presliding:
     """Estimate stiffness and damping of the bristles from recordings whose torques stay below break-away."""
     from rrrgen.lab.friction.joint_recording import resting_record
     from rrrgen.lab.friction.presliding import presliding
 
-    law = found.chosen
+    law = friction.chosen
     theta = dict(zip(law.candidate.names, law.theta.tolist(), strict=True))
     return presliding(
         [resting_record(log, moving.name) for log in resting],
-        found.data.resolution,
+        friction.data.resolution,
         law.break_away,
         law.values.get("viscous", 0.0),
         (theta.get("gravity_cos", 0.0), theta.get("gravity_sin", 0.0)) if moving.gravity == 2 else (0.0, 0.0),

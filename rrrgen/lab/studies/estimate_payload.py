@@ -129,5 +129,5 @@ def _estimate(
     progress(0, 0, "estimating the payload")
     recordings = logs.open(findings)
     tell_causes(arm.spec, recordings, findings)
-    found = identify_payload(arm.model, recordings, processing, not chosen.keep_friction)
-    return PayloadResult(NAMES, found.values, found.std, UNITS, found.notes, arm.spec, found, run=run)
+    payload = identify_payload(arm.model, recordings, processing, not chosen.keep_friction)
+    return PayloadResult(NAMES, payload.values, payload.std, UNITS, payload.notes, arm.spec, payload, run=run)

@@ -38,13 +38,15 @@ class ExciteOptions(ExperimentOptions):
 
     def of_file(self, joints: int) -> Experiment:
         """The experiment with harmonics, period and starts of these options, for a robot of ``joints`` joints."""
-        found = super().of_file(joints)
-        excitation = dict(found.excitation)
+        experiment = super().of_file(joints)
+        excitation = dict(experiment.excitation)
         if self.harmonics is not None:
             excitation["harmonics"] = self.harmonics
         if self.duration is not None:
             excitation["base_frequency"] = 1.0 / self.duration
-        return replace(found, excitation=excitation, starts=found.starts if self.starts is None else self.starts)
+        return replace(
+            experiment, excitation=excitation, starts=experiment.starts if self.starts is None else self.starts
+        )
 
     def settings(self) -> dict[str, Any]:
         """What ``run.json`` keeps of the options."""

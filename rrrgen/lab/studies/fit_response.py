@@ -221,11 +221,11 @@ def fit_response(
         computed = expected_modes(load_experiment(experiment, arm.spec.n), arm.model, joint)
         files["experiment"] = Path(experiment)
         settings |= arm.settings | ({} if joint is None else {"joint": joint})
-    measured = _measured(response)
+    measured = _frequency_responses(response)
     if measured is not None:
         if chosen.rows is not None or chosen.method not in ("auto", "modes"):
             raise OptionError("a frequency response has no rows, and takes {method} modes")
-        settings |= {} if files.get("log") else {"responses": [_hash(each) for each in measured]}
+        settings |= {} if files.get("log") else {"responses": [_hash(measurement) for measurement in measured]}
         fit = partial(fit_responses, measured)
     else:
         given = response_input(cast("ResponseSource", response))
@@ -239,14 +239,14 @@ def fit_response(
     return result.run.result(lambda _: result, folder, fresh)
 
 
-def _measured(response: Any) -> list[FrequencyResponse] | None:
+def _frequency_responses(response: Any) -> list[FrequencyResponse] | None:
     """The frequency responses among what may be fitted, None for recordings."""
     from rrrgen.lab.response.frequency_response import FrequencyResponse, read_responses
 
     if isinstance(response, (str, os.PathLike)):
         return read_responses(Path(response)) if Path(response).suffix.lower() == ".json" else None
-    found: list[Any] = [response] if isinstance(response, (FrequencyResponse, Mapping)) else list(response)
-    return found if found and all(isinstance(each, FrequencyResponse) for each in found) else None
+    responses: list[Any] = [response] if isinstance(response, (FrequencyResponse, Mapping)) else list(response)
+    return responses if responses and all(isinstance(entry, FrequencyResponse) for entry in responses) else None
 
 
 def _hash(response: FrequencyResponse) -> str:
@@ -259,7 +259,7 @@ def _hash(response: FrequencyResponse) -> str:
 
 def _by_posture(fitted: FittedModels, computed: list[list[ElasticMode]]) -> dict[str, list[ElasticMode]]:
     """The computed modes by the name of the measured posture; raises InputError if there are fewer or more postures."""
-    names = [each.name for each in fitted.measured or fitted.models]
+    names = [posture.name for posture in fitted.measured or fitted.models]
     if len(names) != len(computed):
         raise InputError(f"{len(names)} postures are measured, the experiment file has {len(computed)} (`response`)")
     return dict(zip(names, computed, strict=True))

@@ -64,14 +64,14 @@ class FrequencyResponseResult(StudyResult):
         header = ("response", "lines", "trusted lines", "lowest [Hz]", "highest [Hz]", "band95", "verdict")
         rows = [
             (
-                each.name,
-                len(each.frequency),
-                int(np.count_nonzero(each.trusted)),
-                *(float(end) for end in each.frequency[[0, -1]]),
-                float(np.median(each.band95)),
-                "; ".join(finding.kind for finding in each.findings) or "trusted",
+                response.name,
+                len(response.frequency),
+                int(np.count_nonzero(response.trusted)),
+                *(float(end) for end in response.frequency[[0, -1]]),
+                float(np.median(response.band95)),
+                "; ".join(finding.kind for finding in response.findings) or "trusted",
             )
-            for each in self.responses
+            for response in self.responses
         ]
         return header, rows
 
@@ -81,7 +81,7 @@ class FrequencyResponseResult(StudyResult):
 
         record = self.responses[0].to_json()
         if len(self.responses) > 1:
-            record["postures"] = [each.to_json() for each in self.responses]
+            record["postures"] = [response.to_json() for response in self.responses]
         return plain_record(record)
 
     def figures(self) -> dict[str, FigureMaker]:

@@ -183,11 +183,17 @@ class IdentificationResult(EstimateResult):
         """Sentences on what the structure, the motion or the data leave undetermined or doubtful."""
         from rrrgen.lab.identify.scores import held_out_notes
 
-        found, covered = self.identification, None
-        for _, blocks in found.parts:
-            covered = found.band.coverage(blocks)  # that of the held-out rows, which come last
-        doubtful = held_out_notes(found.scores, covered, self._joints, found.left_in(self._joints))
-        return (*found.swinging, *found.structural_notes, *found.motion_notes, *found.hardly_determined, *doubtful)
+        identification, covered = self.identification, None
+        for _, blocks in identification.parts:
+            covered = identification.band.coverage(blocks)  # that of the held-out rows, which come last
+        doubtful = held_out_notes(identification.scores, covered, self._joints, identification.left_in(self._joints))
+        return (
+            *identification.swinging,
+            *identification.structural_notes,
+            *identification.motion_notes,
+            *identification.hardly_determined,
+            *doubtful,
+        )
 
     @property
     def diagnoses(self) -> tuple[Cause, ...]:
@@ -210,7 +216,7 @@ class IdentificationResult(EstimateResult):
     @property
     def _put_right(self) -> Recording:
         """The first recording with the errors that were estimated put right."""
-        return self.identification.corrected(self.recordings)[0]
+        return self.identification.correct_recordings(self.recordings)[0]
 
     @property
     def _joints(self) -> tuple[str, ...]:
@@ -228,18 +234,18 @@ class IdentificationResult(EstimateResult):
         from rrrgen.lab.identify.results import parameter_lines
         from rrrgen.lab.identify.scores import joint_table, score_table
 
-        found = self.identification
-        lines = [*parameter_lines(found, width)]
-        if found.nuisances is not None:
-            lines += found.nuisances.lines(width)
-        if found.friction is not None:
-            lines += found.friction.lines(width)
-        lines += found.tuning.sentences()
-        if found.split.kind != "none":
-            lines.append(f"data: {found.split}")
-        lines += [*score_table(found.scores, width), *joint_table(found.scores, self._joints, width)]
-        for name, blocks in found.parts:
-            covered = found.band.coverage(blocks)
+        identification = self.identification
+        lines = [*parameter_lines(identification, width)]
+        if identification.nuisances is not None:
+            lines += identification.nuisances.lines(width)
+        if identification.friction is not None:
+            lines += identification.friction.lines(width)
+        lines += identification.tuning.sentences()
+        if identification.split.kind != "none":
+            lines.append(f"data: {identification.split}")
+        lines += [*score_table(identification.scores, width), *joint_table(identification.scores, self._joints, width)]
+        for name, blocks in identification.parts:
+            covered = identification.band.coverage(blocks)
             if covered is not None:
                 lines.append(
                     f"95 % band of the predicted torque: covers {100 * covered.share:.1f} % of the rows {name}; "
@@ -247,7 +253,7 @@ class IdentificationResult(EstimateResult):
                 )
         if self.cross_validation is not None:
             lines += self.cross_validation.lines(width)
-        for name, share in found.indefinite.items():
+        for name, share in identification.indefinite.items():
             lines.append(f"random poses with an indefinite mass matrix, {name}: {100 * share:.2f} %")
         return [*lines, *(f"note: {note}" for note in self.notes)]
 
@@ -441,7 +447,7 @@ def _estimate(
     from rrrgen.lab.identify.bias import check_bias
     from rrrgen.lab.identify.consistency import InconsistentEstimateError
     from rrrgen.lab.identify.cross_validation import cross_validate
-    from rrrgen.lab.identify.diagnosis.causes import merged
+    from rrrgen.lab.identify.diagnosis.causes import merge_causes
     from rrrgen.lab.identify.diagnosis.report import diagnose_fit, swinging_notes
     from rrrgen.lab.identify.floating_base import FloatingModel, check_base, measured_rows, on_floating_base
     from rrrgen.lab.identify.identification import identify as estimate
@@ -466,23 +472,25 @@ def _estimate(
         progress=progress,
     )
     try:
-        found = fit(estimation)
+        identification = fit(estimation)
     except InconsistentEstimateError as error:  # such as wrong signs: say what the least-squares estimate tells
-        found = fit(replace(estimation, consistent=False))
-        causes = () if floating else diagnose_fit(model, found.corrected(recordings), found)
+        identification = fit(replace(estimation, consistent=False))
+        causes = () if floating else diagnose_fit(model, identification.correct_recordings(recordings), identification)
         lines = [line for cause in causes for line in cause.lines()]
         raise InconsistentEstimateError("\n".join([str(error), *lines])) from None
-    put_right = found.corrected(recordings)
+    put_right = identification.correct_recordings(recordings)
     fitted = None
     if loop.controller is not None:
-        fitted = closed_loop_estimate(found, recordings, loop.controller, estimation, progress, loop.open())
-        found = fitted.identification
-    bias = None if chosen.bias_check is None else check_bias(found, put_right, chosen.bias_check)
+        fitted = closed_loop_estimate(identification, recordings, loop.controller, estimation, progress, loop.open())
+        identification = fitted.identification
+    bias = None if chosen.bias_check is None else check_bias(identification, put_right, chosen.bias_check)
     parts = None
     if chosen.cross_validate:
         parts = cross_validate(model, recordings, processing, estimation, chosen.cross_validate, progress)
     if not floating:  # the rules of diagnosis are about arms: what the base should do, they do not know
         progress(0, 0, "diagnosis")
-        causes = merged([*before, *diagnose_fit(model, put_right, found)])
-        found = replace(found, diagnoses=causes, swinging=swinging_notes(recordings))
-    return IdentificationResult(arm.spec, arm.model, tuple(recordings), logs.names, found, fitted, bias, parts, run=run)
+        causes = merge_causes([*before, *diagnose_fit(model, put_right, identification)])
+        identification = replace(identification, diagnoses=causes, swinging=swinging_notes(recordings))
+    return IdentificationResult(
+        arm.spec, arm.model, tuple(recordings), logs.names, identification, fitted, bias, parts, run=run
+    )

@@ -87,7 +87,7 @@ class MatrixResponseResult(StudyResult):
         from rrrgen.lab.data.run_folder import plain_record
         from rrrgen.lab.response.resonances import modes_over_postures
 
-        record: dict[str, Any] = {"postures": [each.to_json() for each in self.responses]}
+        record: dict[str, Any] = {"postures": [response.to_json() for response in self.responses]}
         record["resonances_over_postures"] = [mode.to_json() for mode in modes_over_postures(self.responses)]
         return plain_record(record | ({} if self.elastic is None else {"elastic_model": self.elastic}))
 
@@ -96,7 +96,7 @@ class MatrixResponseResult(StudyResult):
         from rrrgen.lab.response.figures import plot_matrix, plot_resonances
 
         makers: dict[str, FigureMaker] = {"matrix_response": lambda: plot_matrix(self.responses)}
-        if len(self.responses) > 1 and any(each.resonances for each in self.responses):
+        if len(self.responses) > 1 and any(response.resonances for response in self.responses):
             makers["resonances"] = lambda: plot_resonances(self.responses)
         return makers
 
@@ -175,14 +175,18 @@ def _estimate(
     progress(0, 0, "estimating the frequency response")
     recordings = logs.load(findings)
     tell_causes(arm.spec, recordings, findings)
-    found = matrix_responses(recordings, period, held)
-    computed = [_computed(arm, each) for each in found]
-    modes = {each.name: own for each, own in zip(found, computed, strict=True) if own is not None}
-    elastic = beside(found, modes) if len(modes) == len(found) else None
-    return MatrixResponseResult(tuple(found), elastic, run=run)
+    responses = matrix_responses(recordings, period, held)
+    computed = [_modes_in_posture(arm, response) for response in responses]
+    modes = {
+        response.name: elastic_modes
+        for response, elastic_modes in zip(responses, computed, strict=True)
+        if elastic_modes is not None
+    }
+    elastic = beside(responses, modes) if len(modes) == len(responses) else None
+    return MatrixResponseResult(tuple(responses), elastic, run=run)
 
 
-def _computed(arm: RobotInput, response: MatrixResponse) -> list[ElasticMode] | None:
+def _modes_in_posture(arm: RobotInput, response: MatrixResponse) -> list[ElasticMode] | None:
     """The modes of the robot in the posture of the ``response``; None where its file states no elastic joints."""
     from rrrgen.lab.plant.elastic_modes import modes_of_arm
     from rrrgen.lab.plant.plant import FlexibleJoints, make_plant

@@ -117,7 +117,7 @@ class StudyOptions:
         for entry in option_fields(type(self)):
             if not entry.group:
                 try:
-                    object.__setattr__(self, entry.name, checked(entry, getattr(self, entry.name)))
+                    object.__setattr__(self, entry.name, option_value(entry, getattr(self, entry.name)))
                 except OptionError as error:
                     faults.append(error)
         if len(faults) == 1:
@@ -127,21 +127,26 @@ class StudyOptions:
 
     def settings(self) -> dict[str, Any]:
         """The recorded options that are not in a group, by name: what ``run.json`` keeps of them."""
-        found = option_fields(type(self))
-        return {each.name: getattr(self, each.name) for each in found if each.about.recorded and not each.group}
+        fields = option_fields(type(self))
+        return {entry.name: getattr(self, entry.name) for entry in fields if entry.about.recorded and not entry.group}
 
 
 def option_fields(kind: type[StudyOptions]) -> tuple[OptionField, ...]:
     """All options of a dataclass, those of its groups in their places."""
     fields: list[OptionField] = []
     hints = get_type_hints(kind)
-    for each in dataclasses.fields(kind):  # type: ignore[arg-type]
-        if "group" in each.metadata:
-            inner = option_fields(each.metadata["group"])
-            fields += [dataclasses.replace(entry, group=each.name) for entry in inner]
-        elif "option" in each.metadata:
+    for attribute in dataclasses.fields(kind):  # type: ignore[arg-type]
+        if "group" in attribute.metadata:
+            inner = option_fields(attribute.metadata["group"])
+            fields += [dataclasses.replace(entry, group=attribute.name) for entry in inner]
+        elif "option" in attribute.metadata:
             fields.append(
-                OptionField(each.name, _without_none(hints[each.name]), each.default, each.metadata["option"])
+                OptionField(
+                    attribute.name,
+                    _without_none(hints[attribute.name]),
+                    attribute.default,
+                    attribute.metadata["option"],
+                )
             )
     return tuple(fields)
 
@@ -177,12 +182,12 @@ def with_changes(kind: type[OptionsType], options: OptionsType | None, changes: 
     return dataclasses.replace(chosen, **direct)  # type: ignore[type-var]
 
 
-def checked(entry: OptionField, value: Any) -> Any:
+def option_value(entry: OptionField, value: Any) -> Any:
     """The ``value`` of an option in its own type; raises :class:`OptionError` for one that is not allowed."""
     if value is None and entry.default is None:
         return None
     if entry.item is not None:
-        return tuple(_single(entry, entry.item, each) for each in _entries(value))
+        return tuple(_single(entry, entry.item, member) for member in _entries(value))
     return _single(entry, entry.kind, value)
 
 
@@ -192,7 +197,7 @@ def _entries(value: Any) -> Iterable[Any]:
     A text is a sequence of letters to Python, but one entry to the user.
     """
     if isinstance(value, Mapping):
-        return [f"{name}={_number_text(each)}" for name, each in value.items()]
+        return [f"{name}={_number_text(number)}" for name, number in value.items()]
     if isinstance(value, (str, os.PathLike, Real)) or not isinstance(value, Iterable):
         return [value]
     return value
@@ -213,7 +218,7 @@ def _single(entry: OptionField, kind: Any, value: Any) -> Any:
         return value
     if kind is bool:
         # numpy.bool_ is no Integral and no bool, but compares as one
-        if not any(value is each for each in (True, False)) and type(value).__name__ not in ("bool", "bool_"):
+        if not any(value is boolean for boolean in (True, False)) and type(value).__name__ not in ("bool", "bool_"):
             raise OptionError(f"{name} is {value!r}, not True or False", entry.name)
         return bool(value)
     if kind is Path:
@@ -294,11 +299,11 @@ class ExperimentOptions(StudyOptions):
 
         from rrrgen.lab.experiment.experiment_file import Experiment, load_experiment
 
-        found = Experiment() if self.experiment is None else load_experiment(self.experiment, joints)
+        experiment = Experiment() if self.experiment is None else load_experiment(self.experiment, joints)
         return replace(
-            found,
-            seed=found.seed if self.seed is None else self.seed,
-            period=found.period if self.rate is None else 1.0 / self.rate,
+            experiment,
+            seed=experiment.seed if self.seed is None else self.seed,
+            period=experiment.period if self.rate is None else 1.0 / self.rate,
         )
 
     def files(self) -> dict[str, Path]:

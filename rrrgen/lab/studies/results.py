@@ -155,8 +155,10 @@ class EstimateResult(StudyResult):
 
     def table(self) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
         """Header and rows of the parameters: name, unit, value and standard deviation."""
-        found = [self[name] for name in self.names]
-        return ("parameter", "unit", "value", "std"), [(each.name, each.unit, each.value, each.std) for each in found]
+        parameters = [self[name] for name in self.names]
+        return ("parameter", "unit", "value", "std"), [
+            (parameter.name, parameter.unit, parameter.value, parameter.std) for parameter in parameters
+        ]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -53,8 +53,8 @@ class SimulateOptions(ExperimentOptions):
 
     def of_file(self, joints: int) -> Experiment:
         """The experiment with these options, for a robot of ``joints`` joints."""
-        found = super().of_file(joints)
-        virtual_robot, control = dict(found.virtual_robot), found.control
+        experiment = super().of_file(joints)
+        virtual_robot, control = dict(experiment.virtual_robot), experiment.control
         if self.torque_noise is not None:
             virtual_robot["torque_noise"] = (self.torque_noise,) * joints
         if self.base_mode is not None:
@@ -65,7 +65,7 @@ class SimulateOptions(ExperimentOptions):
             control = replace(control, bandwidth=(self.bandwidth,) * joints, kp=None, kd=None, places=places)
         if self.control is not None:
             control = replace(control, kind=self.control.replace("-", "_"))
-        return replace(found, virtual_robot=virtual_robot, control=control)
+        return replace(experiment, virtual_robot=virtual_robot, control=control)
 
     def settings(self) -> dict[str, Any]:
         """What ``run.json`` keeps of the options."""
@@ -230,7 +230,7 @@ def simulate(
     if arm.model.beta is None:
         name = str(robot) if isinstance(robot, (str, os.PathLike)) else arm.spec.name
         raise OptionError(f"{name} has no links: there is nothing to simulate")
-    followed = _followed(arm, experiment, motion, reference)
+    followed = _motion_to_follow(arm, experiment, motion, reference)
     settings = {"writing": motion is None and reference is None, **chosen.settings(), **arm.settings}
     files = arm.files | {key: file for key, file in followed.files.items() if key == "trajectory"} | chosen.files()
     run = Run("simulate", files | followed.files, settings | followed.settings, experiment.seed)
@@ -253,7 +253,9 @@ class _Followed:
     settings: dict[str, Any]
 
 
-def _followed(arm: RobotInput, experiment: Experiment, motion: Any, reference: RecordingSource | None) -> _Followed:
+def _motion_to_follow(
+    arm: RobotInput, experiment: Experiment, motion: Any, reference: RecordingSource | None
+) -> _Followed:
     """The motion of a trajectory, of a recording, or of the writing task."""
     from rrrgen.lab.design.fourier_series import read_trajectory
     from rrrgen.lab.design.friction_motion import read_friction_motion
@@ -292,10 +294,10 @@ def _simulate(
     _: RunFolder | None,
 ) -> SimulationResult:
     """Run the virtual robot, and check how well it follows the motion."""
-    from rrrgen.lab.experiment.loop_design import checked
+    from rrrgen.lab.experiment.loop_design import check_loop
     from rrrgen.lab.experiment.setup import simulate_motion
 
     recording, instruments = simulate_motion(
         experiment, arm.model, followed.evaluate, duration, loop=loop, progress=progress
     )
-    return SimulationResult(arm.spec, recording, instruments, loop, checked(recording, controlled, loop), run=run)
+    return SimulationResult(arm.spec, recording, instruments, loop, check_loop(recording, controlled, loop), run=run)

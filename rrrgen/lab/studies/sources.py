@@ -143,8 +143,8 @@ class RecordingInputs:
     @property
     def mappings(self) -> list[LogMapping]:
         """The mappings of the recordings that have one."""
-        found = [source.mapping if isinstance(source, Log) else source for source in self.sources]
-        return [mapping for mapping in found if mapping is not None]
+        mappings = [source.mapping if isinstance(source, Log) else source for source in self.sources]
+        return [mapping for mapping in mappings if mapping is not None]
 
     def open(self, findings: FindingsCallback = ignore) -> list[Recording]:
         """The recordings, those of files and arrays after the first pass, which finds the period.
@@ -251,33 +251,33 @@ def checked_arrays(
     ``needed`` those that it must have.
     """
     faults = []
-    found: dict[str, Array] = {}
+    signals: dict[str, Array] = {}
     for key, values in arrays.items():
         if key not in allowed:
             hint = " ".join(filter(None, (did_you_mean(str(key), allowed), f"there are {', '.join(allowed)}")))
             faults.append(Fault("", 0, 0, f"{name} has an array '{key}', which no recording has", hint=hint))
         elif values is not None:
             try:
-                found[key] = np.asarray(values, float)
+                signals[key] = np.asarray(values, float)
             except (TypeError, ValueError):
                 faults.append(Fault("", 0, 0, f"{name}: '{key}' does not hold numbers"))
-    base = ("orientation", "twist") if found.keys() & BASE_COLUMNS.keys() else ()
+    base = ("orientation", "twist") if signals.keys() & BASE_COLUMNS.keys() else ()
     missing = [f"'{key}'" for key in (*needed, *base) if key not in arrays]
     if missing:
         faults.append(Fault("", 0, 0, f"{name} has no {' and no '.join(missing)}"))
-    if "t" in found:
-        rows = found["t"].size
-        if found["t"].ndim != 1:
-            faults.append(Fault("", 0, 0, f"{name}: 't' has the shape {found['t'].shape}, not (N,)"))
-        for key in found.keys() - {"t"}:
+    if "t" in signals:
+        rows = signals["t"].size
+        if signals["t"].ndim != 1:
+            faults.append(Fault("", 0, 0, f"{name}: 't' has the shape {signals['t'].shape}, not (N,)"))
+        for key in signals.keys() - {"t"}:
             width = len(BASE_COLUMNS.get(key, ())) or joints
-            if width == 1 and found[key].ndim == 1:
-                found[key] = found[key][:, None]
-            if found[key].shape != (rows, width):
-                faults.append(Fault("", 0, 0, f"{name}: '{key}' has the shape {found[key].shape}, not {rows, width}"))
+            if width == 1 and signals[key].ndim == 1:
+                signals[key] = signals[key][:, None]
+            if signals[key].shape != (rows, width):
+                faults.append(Fault("", 0, 0, f"{name}: '{key}' has the shape {signals[key].shape}, not {rows, width}"))
     if faults:
         raise InputError(faults)
-    return found
+    return signals
 
 
 def mapping_of_arrays(arrays: Mapping[str, Array], joints: Sequence[str], name: str) -> LogMapping:
@@ -288,8 +288,8 @@ def mapping_of_arrays(arrays: Mapping[str, Array], joints: Sequence[str], name: 
     columns = {"t": arrays["t"]}
     channels = []
     for i, joint in enumerate(joints):
-        own = {key: values for key, values in arrays.items() if key not in ("t", *BASE_COLUMNS)}
-        columns |= {f"{key}_{joint}": values[:, i] for key, values in own.items()}
+        joint_arrays = {key: values for key, values in arrays.items() if key not in ("t", *BASE_COLUMNS)}
+        columns |= {f"{key}_{joint}": values[:, i] for key, values in joint_arrays.items()}
         recorded: dict[Any, Any] = {
             signal: Channel(name, f"{COLUMN[signal]}_{joint}") for signal in SIGNALS if COLUMN[signal] in arrays
         }

@@ -67,7 +67,7 @@ class ValidateOptions(StudyOptions):
     require_held_out: bool = option(False, "Fail unless the recordings are known not to have been fitted.")
 
 
-def uncoloured(text: str, passed: bool) -> str:
+def plain_verdict(text: str, passed: bool) -> str:
     """The verdict as it stands."""
     return text
 
@@ -112,7 +112,7 @@ class ValidationResult(StudyResult):
 
         return force_units(self.robot)
 
-    def lines(self, width: int | None = None, verdict: Callable[[str, bool], str] = uncoloured) -> list[str]:
+    def lines(self, width: int | None = None, verdict: Callable[[str, bool], str] = plain_verdict) -> list[str]:
         """The report: scores and the verdict, written by ``verdict(text, passed)``."""
         from rrrgen.lab.identify.scores import UNKNOWN, score_table
         from rrrgen.lab.identify.validation import joint_scores

@@ -118,10 +118,10 @@ class Cheapest:
             if trial.cut_set is not None:
                 if trials is None and cost[0] > self.max_cost_ratio[trial.cut_set] * least[0]:
                     continue
-                found = self._expand(trial.cut_set).attempt(program, seen)
-                if found is None:
+                attempt = self._expand(trial.cut_set).attempt(program, seen)
+                if attempt is None:
                     continue
-                expanded, program = found, collect(found)
+                expanded, program = attempt, collect(attempt)
                 cost = self.cost(program)
             if cost < least:
                 best, least, factors, taken = program, cost, expanded, trial

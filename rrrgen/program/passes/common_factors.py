@@ -70,7 +70,7 @@ class _Collection:
         program = self.program
         for k in range(len(program.nodes)):
             if k not in self.merged:
-                self._recorded(k)
+                self._value(k)
         return self.builder.rewritten(program, [[self.values[k] for k in row] for row in program.results])
 
     def _merged_nodes(self) -> dict[int, int]:
@@ -85,7 +85,7 @@ class _Collection:
             if uses[arg] == 1 and nodes[arg][0] in SUMS_AND_PRODUCTS
         }
 
-    def _recorded(self, k: int) -> Value:
+    def _value(self, k: int) -> Value:
         if k not in self.values:
             self.values[k] = self._record(k)
             if k in self.program.labels:
@@ -101,7 +101,7 @@ class _Collection:
             return node.number
         if node.op in SUMS:
             return self._sum(self._terms(k, 1))
-        value: Value = getattr(self.builder, node.op.value)(*(self._recorded(arg) for arg in node.args))
+        value: Value = getattr(self.builder, node.op.value)(*(self._value(arg) for arg in node.args))
         return value
 
     def _terms(self, k: int, sign: int) -> list[Term]:
@@ -127,12 +127,12 @@ class _Collection:
                 if factor in factors and len(factors) == 2:
                     inside += self._part(factors[factors[0] == factor], sign)
             terms = [(s, factors) for s, factors in terms if factor not in factors or len(factors) == 1]
-            collected.append(self._sum(inside) * self._recorded(factor))
+            collected.append(self._sum(inside) * self._value(factor))
         total: Value = 0
         for sign, factors in sorted(terms, key=lambda term: -term[0]):
-            value = self._recorded(factors[0])
+            value = self._value(factors[0])
             for other in factors[1:]:
-                value = value * self._recorded(other)
+                value = value * self._value(other)
             total = total + value if sign > 0 else total - value
         for value in collected:
             total = total + value

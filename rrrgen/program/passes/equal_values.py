@@ -44,10 +44,10 @@ class ShareEqualValues:
     def __call__(self, program: Program) -> Program:
         """The rewritten ``program``, or ``program`` itself if no operation can be saved."""
         while True:
-            found = _ProgramWalk(program, self.sums).run()
-            if found is None or count_operations(found).total >= count_operations(program).total:
+            candidate = _ProgramWalk(program, self.sums).run()
+            if candidate is None or count_operations(candidate).total >= count_operations(program).total:
                 return program
-            program = found
+            program = candidate
 
 
 class _Found(NamedTuple):
@@ -80,9 +80,9 @@ class _ProgramWalk:
             if self.uses[k] == 0:  # nothing needs it any longer
                 continue
             if node.op in _COUNTED:
-                found = self._replacement(k, known)
-                if found is not None:
-                    self._replace(k, found)
+                replacement = self._replacement(k, known)
+                if replacement is not None:
+                    self._replace(k, replacement)
             value = self.first[k]
             if value not in known:
                 self.groups.setdefault(self.moving[k], []).append(value)
@@ -130,8 +130,8 @@ class _ProgramWalk:
                     stack.append(arg)
         return count, gone
 
-    def _replace(self, k: int, found: _Found) -> None:
-        for arg in found.args:
+    def _replace(self, k: int, replacement: _Found) -> None:
+        for arg in replacement.args:
             self.uses[arg] += 1
         dropped = list(self.args[k])
         while dropped:
@@ -139,7 +139,7 @@ class _ProgramWalk:
             self.uses[arg] -= 1
             if not self.uses[arg]:
                 dropped += self.args[arg]
-        self.found[k], self.args[k], self.operations[k] = found, found.args, found.operations
+        self.found[k], self.args[k], self.operations[k] = replacement, replacement.args, replacement.operations
 
     def _rewritten(self) -> Program:
         builder, program = self.builder, self.program
@@ -172,7 +172,7 @@ def _residues(program: Program, state: int) -> list[int]:
     angles: dict[int, tuple[int, int]] = {}
     values: list[int] = []
 
-    def drawn(what: object) -> int:
+    def draw(what: object) -> int:
         return Random(f"{state} {what}").randrange(1, PRIME)
 
     def angle(k: int) -> tuple[int, int]:
@@ -186,7 +186,7 @@ def _residues(program: Program, state: int) -> list[int]:
                 c, s = angle(args[0])
                 angles[k] = c, -s % PRIME
             else:
-                t = drawn(f"half of the angle {values[k]}")
+                t = draw(f"half of the angle {values[k]}")
                 scale = pow(1 + t * t, -1, PRIME)  # the prime is 3 modulo 4: -1 is no square
                 angles[k] = (1 - t * t) * scale % PRIME, 2 * t * scale % PRIME
         return angles[k]
@@ -194,7 +194,7 @@ def _residues(program: Program, state: int) -> list[int]:
     for node in program.nodes:
         op, x = node.op, [values[arg] for arg in node.args]
         if op is Op.INPUT:
-            values.append(drawn(f"input {node.place}"))
+            values.append(draw(f"input {node.place}"))
         elif op is Op.CONST:
             values.append(node.number.numerator * pow(node.number.denominator, -1, PRIME) % PRIME)
         elif op is Op.ADD:
@@ -210,27 +210,27 @@ def _residues(program: Program, state: int) -> list[int]:
         elif op in (Op.COS, Op.SIN):
             values.append(angle(node.args[0])[op is Op.SIN])
         else:
-            values.append(drawn(f"{op} {x}"))
+            values.append(draw(f"{op} {x}"))
     return values
 
 
 def _moving(program: Program) -> list[int]:
     """The inputs other than parameters that each node depends on, as bits."""
     bits: dict[tuple[int, int], int] = {}
-    found: list[int] = []
+    masks: list[int] = []
     for node in program.nodes:
         if node.op is Op.INPUT:
             free = not program.inputs[node.place[0]].role.is_parameter
-            found.append(bits.setdefault(node.place, 1 << len(bits)) if free else 0)
+            masks.append(bits.setdefault(node.place, 1 << len(bits)) if free else 0)
         else:
-            found.append(reduce(or_, (found[arg] for arg in node.args), 0))
-    return found
+            masks.append(reduce(or_, (masks[arg] for arg in node.args), 0))
+    return masks
 
 
 def _sizes(program: Program) -> list[float]:
     """The sum of the magnitudes of every node over :data:`STATES` random states."""
     every = tuple(range(len(program.nodes)))
-    flat = program.described(outputs=(Port("all", (len(every),)),), results=(every,), status=None)
+    flat = program.with_fields(outputs=(Port("all", (len(every),)),), results=(every,), status=None)
     random = Random(1)
     total = [0.0] * len(every)
     for _ in range(STATES):

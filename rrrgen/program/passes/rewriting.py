@@ -178,13 +178,13 @@ class Expansion:
     def _reduce(self, value: Polynomial) -> Polynomial:
         """Apply ``s**2 = 1 - c**2`` until no square of a sine is left."""
         while True:
-            found = next((m for m in value if self._squared_sine(m) is not None), None)
-            if found is None:
+            monomial = next((m for m in value if self._squared_sine(m) is not None), None)
+            if monomial is None:
                 return value
-            sine = self._squared_sine(found)
+            sine = self._squared_sine(monomial)
             assert sine is not None
-            coefficient = value.pop(found)
-            rest = list(found)
+            coefficient = value.pop(monomial)
+            rest = list(monomial)
             rest.remove(sine)
             rest.remove(sine)
             cosine = self._sine_of[sine]
@@ -344,13 +344,13 @@ class _PolynomialRecorder:
     def _original(self, index: int) -> Value:
         """The value of a literal that is a node of the original program."""
         if index not in self._originals:
-            value = self._originals[index] = self._recorded(index)
+            value = self._originals[index] = self._record_node(index)
             labels = self._expansion.program.labels
             if index in labels:
                 self._builder.label(value, labels[index])
         return self._originals[index]
 
-    def _recorded(self, index: int) -> Value:
+    def _record_node(self, index: int) -> Value:
         node = self._expansion.program.nodes[index]
         if node.op is Op.INPUT:
             port, element = node.place

@@ -44,7 +44,7 @@ def read_friction(node: Node | None, joint_type: str, what: str, scope: Scope) -
         if key == "law":
             continue
         if key not in allowed:
-            owners = [each.name for each in LAWS.values() if key in (p.name for p in each.parameters)]
+            owners = [owner.name for owner in LAWS.values() if key in (p.name for p in owner.parameters)]
             hint = f"it takes {', '.join(allowed)}; {key} belongs to law: {', '.join(owners)}"
             scope.faults.error(value, f"the friction law {name} of {what} has no '{key}'", hint)
             continue
@@ -179,12 +179,12 @@ def _read_motors(
         if motor.name in seen:
             scope.faults.error(item, f"the motor name '{motor.name}' is not unique", "m1, m2, ... where it is missing")
         seen.add(motor.name)
-    found = [motor for motor, _ in motors]
+    motor_specs = [motor for motor, _ in motors]
     if matrix is not None:
-        directions = DrivesSpec(matrix, tuple(found)).motor_from_joint
+        directions = DrivesSpec(matrix, tuple(motor_specs)).motor_from_joint
         for k, (motor, places) in enumerate(motors):
             _check_not_twice(list(directions.row(k)), motor, places, joints, scope)
-    return found
+    return motor_specs
 
 
 def _read_motor(node: Node, number: int, scope: Scope) -> tuple[MotorSpec, dict[str, Node]]:
@@ -247,10 +247,12 @@ def _check_not_twice(
     joint = moved[0] if len(moved) == 1 else None
     if joint is None:
         return
-    own, other = motor.friction or FrictionSpec(), joint.friction or FrictionSpec()
-    terms = {f"friction {name}": ("friction", getattr(own, name), getattr(other, name)) for name in _FRICTION}
+    motor_friction, other = motor.friction or FrictionSpec(), joint.friction or FrictionSpec()
+    terms = {
+        f"friction {name}": ("friction", getattr(motor_friction, name), getattr(other, name)) for name in _FRICTION
+    }
     drive = joint.drive or DriveSpec()
-    terms["friction law"] = ("friction", own.law, other.law)
+    terms["friction law"] = ("friction", motor_friction.law, other.law)
     terms["inertia"] = ("inertia", motor.inertia, drive.inertia)
     terms["gear_ratio"] = ("gear_ratio", places.get("gear_ratio"), drive.gear_ratio)
     for what, (key, here, there) in terms.items():

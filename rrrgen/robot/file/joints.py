@@ -122,15 +122,15 @@ def _check_scale(node: Node, scope: Scope) -> None:
 
 def _warn_about_short_lengths(node: Node, joints: list[JointSpec | None], scope: Scope) -> None:
     """Give one warning for all row lengths below 1 mm: usual in calibrated tables, otherwise often a wrong unit."""
-    found = []
+    short_lengths = []
     for number, joint in enumerate(joints, start=1):
         for key in ("a", "d") if joint is not None else ():
             length = abs(float(scope.substitute(getattr(joint, key))))
             if 0.0 < length < _SHORT_LENGTH:
-                found.append(f"{key} of joint {number} is {length * 1000:.3g} mm")
-    if found:
+                short_lengths.append(f"{key} of joint {number} is {length * 1000:.3g} mm")
+    if short_lengths:
         hint = "as in a calibrated table? otherwise check the unit; 0 makes shorter code and simpler inverse kinematics"
-        scope.faults.warning(node, "lengths below 1 mm: " + ", ".join(found), hint)
+        scope.faults.warning(node, "lengths below 1 mm: " + ", ".join(short_lengths), hint)
 
 
 def _read_limits(node: Node | None, joint_type: str, what: str, scope: Scope) -> Limits:

@@ -147,7 +147,7 @@ def inertia_about_com(link: LinkSpec) -> tuple[sp.Rational, ...]:
         return link.inertia
     m, (x, y, z) = link.mass, link.com
     shift = (y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z)
-    return tuple(own - m * moved for own, moved in zip(link.inertia, shift, strict=True))
+    return tuple(entry - m * moved for entry, moved in zip(link.inertia, shift, strict=True))
 
 
 def physical_fault(link: LinkSpec) -> str:

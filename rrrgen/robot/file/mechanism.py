@@ -38,13 +38,13 @@ def read_mechanism(
     stated = (
         tip is not None
         or bool(loops)
-        or any(key in each for each in keys for key in ("follows", "parent", "gamma", "b"))
+        or any(key in row_keys for row_keys in keys for key in ("follows", "parent", "gamma", "b"))
     )
     if not stated or len(rows) != len(items):
         return rows, None
     names = [row.name for row in rows]
-    parents = [_read_parent(each.get("parent"), i, names, scope) for i, each in enumerate(keys)]
-    follows = [_read_follows(each.get("follows"), row, scope) for each, row in zip(keys, rows, strict=True)]
+    parents = [_read_parent(row_keys.get("parent"), i, names, scope) for i, row_keys in enumerate(keys)]
+    follows = [_read_follows(row_keys.get("follows"), row, scope) for row_keys, row in zip(keys, rows, strict=True)]
     passive = [names[row] for loop in loops for row in loop.passive]
     driven = [
         row.name
@@ -52,13 +52,13 @@ def read_mechanism(
         if row.name not in passive and (factors is None or row.name in factors)
     ]
     matrix = []
-    for row, factors, each in zip(rows, follows, keys, strict=True):
+    for row, factors, row_keys in zip(rows, follows, keys, strict=True):
         factors = {row.name: sp.S.One} if factors is None else factors
         if row.name in passive:
-            _check_passive(each, row.name, scope)
+            _check_passive(row_keys, row.name, scope)
         else:
             by_sine = [] if any(loop.start is not None for loop in loops) else passive
-            _check_followed(each, row, factors, (driven, passive, by_sine), rows, scope)
+            _check_followed(row_keys, row, factors, (driven, passive, by_sine), rows, scope)
         matrix.append(tuple(row.sign * factors.get(name, sp.S.Zero) for name in (*driven, *passive)))
     if scope.faults.errors:
         return rows, None
@@ -98,7 +98,7 @@ def on_floating_base(
 def fixed_rows(node: Node, joints: Row[JointSpec | None]) -> list[bool]:
     """Whether each of ``joints``, the rows of the list ``node`` as read before, is fixed: it follows none."""
     keys = [_keys_of(item) for item in node.items] if joints and isinstance(node, SequenceNode) else []
-    followed = [each["follows"][1] if "follows" in each else None for each in keys]
+    followed = [row_keys["follows"][1] if "follows" in row_keys else None for row_keys in keys]
     return [isinstance(value, MappingNode) and not value.entries for value in followed]
 
 
@@ -113,7 +113,7 @@ def mechanism_of_rows(
 
     The position limits of a driven joint are narrowed to those of the rows that follow it.
     """
-    counted = tuple(_narrowed(rows[i], rows, matrix, k) for k, i in enumerate(driven))
+    counted = tuple(_narrow_limits(rows[i], rows, matrix, k) for k, i in enumerate(driven))
     bare = tuple(
         replace(row, limits=Limits(), friction=None, drive=None) if i in driven else row for i, row in enumerate(rows)
     )
@@ -124,7 +124,7 @@ def _keys_of(item: Node) -> dict[str, tuple[ScalarNode, Node]]:
     return {key.text: (key, value) for key, value in getattr(item, "entries", ()) if isinstance(key, ScalarNode)}
 
 
-def _named(node: Node, names: Row[str], what: str, scope: Scope) -> str | None:
+def _read_joint_name(node: Node, names: Row[str], what: str, scope: Scope) -> str | None:
     """Read one of the joint names ``names``; a fault and None for anything else."""
     if isinstance(node, ScalarNode) and node.text in names:
         return node.text
@@ -137,7 +137,7 @@ def _named(node: Node, names: Row[str], what: str, scope: Scope) -> str | None:
 def _read_parent(entry: tuple[ScalarNode, Node] | None, i: int, names: list[str], scope: Scope) -> int:
     if entry is None:
         return i - 1
-    name = _named(entry[1], [BASE, *names[:i]], f"parent of joint {i + 1}", scope)
+    name = _read_joint_name(entry[1], [BASE, *names[:i]], f"parent of joint {i + 1}", scope)
     return names.index(name) if name in names[:i] else -1
 
 
@@ -188,7 +188,7 @@ def _check_followed(
         return
     driven, passive, by_sine = joints
     allowed = [*driven, *passive]
-    slides = [each.name for each in rows if not each.is_revolute]
+    slides = [joint.name for joint in rows if not joint.is_revolute]
     for name, (key, value) in (read_entries(keys["follows"][1], "follows", scope.faults) or {}).items():
         if name in by_sine and row.is_revolute and name in slides:
             hint = f"'{name}' is passive in a loop and slides; prismatic rows may follow it"
@@ -205,7 +205,7 @@ def _check_followed(
         if name in allowed:
             continue
         hint = " ".join(part for part in (did_you_mean(name, allowed), f"allowed are {', '.join(allowed)}") if part)
-        itself = next((each for each in rows if each.name == name), None)
+        itself = next((joint for joint in rows if joint.name == name), None)
         why = "follows others itself" if itself is not None else "is no joint"
         scope.faults.error(key, f"joint '{row.name}' follows '{name}', which {why}", hint)
     if row.name in factors:
@@ -229,7 +229,7 @@ def _check_followed(
 def _read_tip(node: Node, tip: Node | None, parents: list[int], names: list[str], scope: Scope) -> int:
     ends = [name for i, name in enumerate(names) if i not in parents]
     if tip is not None:
-        name = _named(tip, names, "tip", scope)
+        name = _read_joint_name(tip, names, "tip", scope)
         return names.index(name) if name is not None else 0
     if len(ends) > 1:
         hint = f"tip: {ends[-1]}; the joint whose link carries the tool"
@@ -245,7 +245,7 @@ def _check_rank(node: Node, matrix: list[tuple[sp.Expr, ...]], driven: list[str]
         scope.faults.error(node, f"the positions of {', '.join(driven)} do not follow from those of the joints", hint)
 
 
-def _narrowed(joint: JointSpec, rows: Row[JointSpec], matrix: list[tuple[sp.Expr, ...]], k: int) -> JointSpec:
+def _narrow_limits(joint: JointSpec, rows: Row[JointSpec], matrix: list[tuple[sp.Expr, ...]], k: int) -> JointSpec:
     """Narrow the position limits of ``joint``, number k in q, to those of the rows that follow it alone."""
     lower, upper = joint.limits.lower, joint.limits.upper
     for row, factors in zip(rows, matrix, strict=True):
@@ -337,14 +337,14 @@ def _read_start(node: Node, loop: str, passive: Row[JointSpec], scope: Scope) ->
             hint = f"{did_you_mean(name, [joint.name for joint in passive])} it names {names}".strip()
             scope.faults.error(key, f"{what} names '{name}', which is not passive in it", hint)
             return None
-    found = []
+    displacements = []
     for joint in passive:
         if joint.name not in entries:
             scope.faults.error(node, f"{what} has no displacement of '{joint.name}'", f"it names {names}")
             return None
         label, quantity = f"{joint.name} in {what}", _START.quantity_for(joint.type)
-        found.append(read_value(entries[joint.name][1], label, quantity, scope, _START.file_units))
-    first, second = found
+        displacements.append(read_value(entries[joint.name][1], label, quantity, scope, _START.file_units))
+    first, second = displacements
     return None if first is None or second is None else (first, second)
 
 
@@ -360,15 +360,15 @@ def _joint(node: Node, names: Row[str], what: str, scope: Scope) -> str | None:
 
 def _read_passive(node: Node, loop: str, names: Row[str], owners: dict[str, str], scope: Scope) -> list[int]:
     """The rows of the passive joints of ``loop``; ``owners``, the loops of those read before, is extended."""
-    found = []
+    rows = []
     for item in read_list(node, f"passive of loop {loop}", 2, scope.faults) or ():
         name = _joint(item, names, f"passive joint of loop {loop}", scope)
         if name in owners:
             scope.faults.error(item, f"joint '{name}' is passive twice", f"it belongs to loop {owners[name]}")
         elif name is not None:
             owners[name] = loop
-            found.append(names.index(name))
-    return found
+            rows.append(names.index(name))
+    return rows
 
 
 def _read_pins(node: Node, loop: str, names: Row[str], scope: Scope) -> list[Pin]:

@@ -105,9 +105,9 @@ def _check_free(entries: Row[tuple[str, sp.Expr, Place] | None], scope: Scope) -
 
 def _products_of(links: Row[LinkSpec] | None, symbols: list[str], node: Node, scope: Scope) -> Products | None:
     """The sign convention of products of inertia in the links; a fault if they differ and the basis uses one."""
-    found = {link.products for link in links or ()}
-    if len(found) > 1 and any(_OFF_DIAGONAL.fullmatch(symbol) for symbol in symbols):
+    conventions = {link.products for link in links or ()}
+    if len(conventions) > 1 and any(_OFF_DIAGONAL.fullmatch(symbol) for symbol in symbols):
         hint = "write basis: {products: tensor | positive, parameters: [...]}"
         scope.faults.error(node, "the links differ in the sign of products, so Ixy, Ixz, Iyz are ambiguous", hint)
         return None
-    return found.pop() if len(found) == 1 else "tensor"
+    return conventions.pop() if len(conventions) == 1 else "tensor"

@@ -54,8 +54,8 @@ def read_provenance(node: Node, faults: FaultList) -> tuple[FitSpec, ...]:
     if len(items) > MAX_FITS:
         faults.error(node, f"provenance has {len(items)} fits", f"at most {MAX_FITS}")
         return ()
-    found = [_read_fit(item, f"fit {number} of provenance", faults) for number, item in enumerate(items, start=1)]
-    return tuple(fit for fit in found if fit is not None)
+    fits = [_read_fit(item, f"fit {number} of provenance", faults) for number, item in enumerate(items, start=1)]
+    return tuple(fit for fit in fits if fit is not None)
 
 
 def _read_fit(node: Node, what: str, faults: FaultList) -> FitSpec | None:
@@ -88,7 +88,7 @@ def _read_hashes(node: Node, what: str, faults: FaultList) -> tuple[int, ...] | 
     lines = read_list(node, what, None, faults)
     if lines is None:
         return None
-    found: list[int] = []
+    hashes: list[int] = []
     for line in lines:
         text = line.text if isinstance(line, ScalarNode) else ""
         if not text or len(text) % HASH_DIGITS or not re.fullmatch(r"[0-9a-f]+", text):
@@ -97,11 +97,11 @@ def _read_hashes(node: Node, what: str, faults: FaultList) -> tuple[int, ...] | 
                 line, f"{what} has the line {shown}", f"hashes of {HASH_DIGITS} hexadecimal digits, side by side"
             )
             return None
-        found += [int(text[i : i + HASH_DIGITS], 16) for i in range(0, len(text), HASH_DIGITS)]
-    if any(a >= b for a, b in pairwise(found)):
+        hashes += [int(text[i : i + HASH_DIGITS], 16) for i in range(0, len(text), HASH_DIGITS)]
+    if any(a >= b for a, b in pairwise(hashes)):
         faults.error(node, f"the hashes of {what} are not in rising order", "the section is written by rrrgen identify")
         return None
-    return tuple(found)
+    return tuple(hashes)
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -414,7 +414,7 @@ def _read_units(node: Node | None, faults: FaultList) -> FileUnits:
     """Read the key ``units``, the units of bare numbers; report once if it does not state one of them."""
     values = read_section(node, "units", "units", faults, ROBOT_FILE) if node is not None else None
     written = {key: read_text(value, key, faults) for key, value in (values or {}).items()}
-    if node is not None and _swapped(written):
+    if node is not None and _has_swapped_units(written):
         hint = f"write units: {{angle: {written['length']}, length: {written['angle']}}}"
         faults.error(node, "the units of angle and length are swapped", hint)
         return FileUnits(missing=frozenset(_UNITS))
@@ -423,7 +423,7 @@ def _read_units(node: Node | None, faults: FaultList) -> FileUnits:
     return FileUnits(chosen.get("angle") or "rad", chosen.get("length") or "m", missing)
 
 
-def _swapped(written: dict[str, str]) -> bool:
+def _has_swapped_units(written: dict[str, str]) -> bool:
     angle, length = (_UNITS[key].choices for key in ("angle", "length"))
     return written.get("angle") in length and written.get("length") in angle
 

@@ -37,7 +37,7 @@ def dumps(spec: RobotSpec) -> str:
     """Write ``spec`` as YAML text, exactly: loading it gives an equal spec."""
     printer = _Printer(spec)
     lines = ["schema: rrrgen/1", f"name: {spec.name}"]
-    lines += [f"{key}: {quoted(text)}" for key in ("description", "source") if (text := getattr(spec, key))]
+    lines += [f"{key}: {quote(text)}" for key in ("description", "source") if (text := getattr(spec, key))]
     lines.append(f"convention: {spec.convention}")
     lines.append(f"units: {{angle: {spec.angle_unit}, length: {spec.length_unit}}}")
     lines.append(f"gravity: [{', '.join(number_text(value) for value in spec.gravity)}]")
@@ -79,7 +79,7 @@ def dumps(spec: RobotSpec) -> str:
     return "\n".join(lines) + "\n"
 
 
-def quoted(text: str) -> str:
+def quote(text: str) -> str:
     """Write ``text`` as a double-quoted YAML scalar on one line."""
 
     def escape(match: re.Match[str]) -> str:
@@ -317,7 +317,7 @@ def _basis(basis: BasisSpec) -> list[str]:
 def _fit(fit: FitSpec) -> list[str]:
     method = next(key.choices[0] for key in FIT if key.name == "method")
     words = [f"{word:0{HASH_DIGITS}x}" for word in fit.hashes]
-    texts = [f"{name}: {quoted(text)}" for name in ("program", "recordings", "data") if (text := getattr(fit, name))]
+    texts = [f"{name}: {quote(text)}" for name in ("program", "recordings", "data") if (text := getattr(fit, name))]
     lines = [*texts, f"method: {method}", f"windows: {fit.windows}", "fingerprint:"]
     lines += [f'  - "{"".join(words[i : i + _HASHES])}"' for i in range(0, len(words), _HASHES)]
     return [f"  - {lines[0]}", *(f"    {line}" for line in lines[1:])]

@@ -101,7 +101,7 @@ class FrictionLaw:
         """The parameters ``p`` with the Coulomb friction raised for a load torque of magnitude ``size``, N m (N)."""
         if not self.has_load:
             return p
-        names = [each.name for each in self.parameters]
+        names = [parameter.name for parameter in self.parameters]
         raised = p[names.index(COULOMB)] + p[names.index(LOAD)] * size
         return [raised if name == COULOMB else value for name, value in zip(names, p, strict=True)]
 
@@ -113,23 +113,23 @@ class FrictionLaw:
 
     def split(self, p: Sequence[Any]) -> tuple[list[Any], list[Any]]:
         """Convert the values ``p`` of all parameters to those of the linear ones and those of the ``shapes``."""
-        known = dict(zip((each.name for each in self.parameters), p, strict=True))
+        known = dict(zip((parameter.name for parameter in self.parameters), p, strict=True))
         shapes = [known[name] for name in self.shapes] if self.substitution is None else self.substitution.shapes(known)
-        return [known[each.name] for each in self.linear], list(shapes)
+        return [known[parameter.name] for parameter in self.linear], list(shapes)
 
-    def joined(self, linear: Sequence[Any], shapes: Sequence[Any]) -> tuple[Any, ...]:
+    def join(self, linear: Sequence[Any], shapes: Sequence[Any]) -> tuple[Any, ...]:
         """Values of all parameters in the order of ``parameters``, from the linear ones and the shapes."""
-        known = dict(zip((each.name for each in self.linear), linear, strict=True))
+        known = dict(zip((parameter.name for parameter in self.linear), linear, strict=True))
         if self.substitution is None:
             known |= dict(zip(self.shapes, shapes, strict=True))
         else:
             known |= self.substitution.values(known, shapes)
-        return tuple(known[each.name] for each in self.parameters)
+        return tuple(known[parameter.name] for parameter in self.parameters)
 
     def reach(self, ops: Any, dq: Any, shapes: Sequence[Any]) -> Any:
         """Deflection in steady sliding forwards at the speed ``dq``, rad (m); the ``shapes`` alone determine it."""
         assert self.bristles is not None
-        return self.bristles(ops, dq, self.joined([1] * len(self.linear), shapes))[0]
+        return self.bristles(ops, dq, self.join([1] * len(self.linear), shapes))[0]
 
 
 def linear_torque(columns: Callable[[Any, Any], list[Any]]) -> Callable[[Any, Any, Sequence[Any]], Any]:

@@ -141,7 +141,7 @@ class FrictionModel:
         following, torque = self.law.step(NUMPY, np.asarray(z), np.asarray(dq), self._under(load), period)
         return np.asarray(following), np.asarray(torque)
 
-    def directed(self, dq: ArrayLike, direction: ArrayLike, load: ArrayLike = 0.0) -> Array:
+    def torque_in_direction(self, dq: ArrayLike, direction: ArrayLike, load: ArrayLike = 0.0) -> Array:
         """Friction torques (..., n) with sgn(dq) replaced by ``direction`` (..., n), each -1, 0 or +1.
 
         At rest the results for -1 and +1 are the break-away torques, between which friction can take any value.
@@ -235,12 +235,12 @@ class MixedFriction:
 
     def torque(self, dq: ArrayLike, width: ArrayLike = 0.0, load: ArrayLike = 0.0) -> Array:
         """Friction torque; in steady sliding if a law has a state. ``width`` > 0 replaces sgn(x) by tanh(x/width)."""
-        each = (dq, self._spread(width, dq), self._spread(load, dq))
-        return np.asarray(self._each("torque", each) + self.offset)
+        arguments = (dq, self._broadcast(width, dq), self._broadcast(load, dq))
+        return np.asarray(self._each("torque", arguments) + self.offset)
 
-    def directed(self, dq: ArrayLike, direction: ArrayLike, load: ArrayLike = 0.0) -> Array:
+    def torque_in_direction(self, dq: ArrayLike, direction: ArrayLike, load: ArrayLike = 0.0) -> Array:
         """Friction torques (..., n) with sgn(dq) replaced by ``direction`` (..., n), each -1, 0 or +1."""
-        return np.asarray(self._each("directed", (dq, direction, self._spread(load, dq))) + self.offset)
+        return np.asarray(self._each("torque_in_direction", (dq, direction, self._broadcast(load, dq))) + self.offset)
 
     def rate(self, z: ArrayLike, dq: ArrayLike) -> Array:
         """Rates dz/dt (..., n) of the states ``z`` at speeds ``dq``; zero for laws without a state."""
@@ -251,11 +251,11 @@ class MixedFriction:
 
         ``width`` > 0 replaces sgn(x) by tanh(x/width) in laws without a state.
         """
-        each = (z, dq, self._spread(load, dq), self._spread(width, dq))
-        return np.asarray(self._each("state_torque", each) + self.offset)
+        arguments = (z, dq, self._broadcast(load, dq), self._broadcast(width, dq))
+        return np.asarray(self._each("state_torque", arguments) + self.offset)
 
     @staticmethod
-    def _spread(value: ArrayLike, dq: ArrayLike) -> Array:
+    def _broadcast(value: ArrayLike, dq: ArrayLike) -> Array:
         return np.broadcast_to(np.asarray(value, dtype=float), np.shape(dq))
 
     def _each(self, name: str, values: tuple[Any, ...]) -> Array:
@@ -280,7 +280,7 @@ def stated_friction(given: Sequence[Any]) -> FrictionModel | MixedFriction | Non
     """Friction of several joints from their ``FrictionSpec`` (None for a joint without), None if no joint has one."""
     if all(friction is None for friction in given):
         return None
-    rows = np.array([[_stated(f, key) for key in ("viscous", "coulomb", "offset")] for f in given])
+    rows = np.array([[_value_or_zero(f, key) for key in ("viscous", "coulomb", "offset")] for f in given])
     if all(friction is None or friction.law is None for friction in given):
         return FrictionModel(LAWS["coulomb_viscous"], rows)
     models = [
@@ -292,6 +292,6 @@ def stated_friction(given: Sequence[Any]) -> FrictionModel | MixedFriction | Non
     return MixedFriction(models, rows[:, 2])
 
 
-def _stated(friction: Any, key: str) -> float:
+def _value_or_zero(friction: Any, key: str) -> float:
     value = None if friction is None else getattr(friction, key)
     return 0.0 if value is None else float(value)

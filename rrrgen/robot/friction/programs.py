@@ -13,7 +13,7 @@ from typing import Any
 from rrrgen.base.errors import InputError
 from rrrgen.program import Builder, Domain, Port, Program, Role, Value
 from rrrgen.program.builder import Number
-from rrrgen.program.guard import guarded
+from rrrgen.program.guard import add_guard
 from rrrgen.robot.friction.laws import FrictionLaw
 
 Surfaces = Mapping[str, Sequence[Number]]
@@ -128,7 +128,7 @@ def friction_step_program(law: FrictionLaw, joints: int, surfaces: Surfaces | No
     builder = Builder()
     (speeds, z), rows = _ports(builder, law, joints, ["dq", "z"], surfaces)
     period = builder.input(Port("Ts", (), "s", "", "period", domain=Domain.PERIOD))[0]
-    steps = [law.step(builder, *each, period) for each in zip(z, speeds, rows, strict=True)]
+    steps = [law.step(builder, *arguments, period) for arguments in zip(z, speeds, rows, strict=True)]
     torques = _at_joints([torque for _, torque in steps], joints, surfaces)
     following = Port("z_next", (len(z),), "rad | m", "joint", "bristle deflections at the end of the period", state="z")
     program = builder.program(
@@ -138,7 +138,7 @@ def friction_step_program(law: FrictionLaw, joints: int, surfaces: Surfaces | No
         formula=f"{law.formula}   {law.equation}, exact for constant dq",
         notes=("sgn(0) = 0.",),
     )
-    return guarded(program)
+    return add_guard(program)
 
 
 def friction_rate_program(law: FrictionLaw, joints: int) -> Program:

@@ -46,8 +46,8 @@ def importers() -> dict[str, Importer]:
 
     Raises InputError for an entry point that cannot be loaded or takes the name of another format.
     """
-    found = [importlib.import_module(f"{importers_room.__name__}.{name}").IMPORTER for name in FORMATS]
-    known = {importer.name: importer for importer in found}
+    format_importers = [importlib.import_module(f"{importers_room.__name__}.{name}").IMPORTER for name in FORMATS]
+    known = {importer.name: importer for importer in format_importers}
     for plugin in plugins(ROBOTS):
         importer = plugin.load()
         if isinstance(importer, Importer):
@@ -87,15 +87,15 @@ def import_robot(
         hint = "base, tip, held joints, convention and angle tolerance choose a chain of a tree of bodies"
         raise InputError([Fault(file, 0, 0, f"a file of the format {importer.name} is one chain already", hint=hint)])
     source = Source(text, given, _from_stem(Path(file).stem), chain or ChainChoice())
-    found = importer.read(source, faults)
+    robot = importer.read(source, faults)
     faults.raise_errors()
-    assert found is not None  # every None comes with an error
-    spec = replace(found.spec, name=name or found.spec.name)
+    assert robot is not None  # every None comes with an error
+    spec = replace(robot.spec, name=name or robot.spec.name)
     if fault := name_fault(spec.name, "robot"):
-        faults.error(found.place, fault[0], f"{fault[1]}; give another with --name")
+        faults.error(robot.place, fault[0], f"{fault[1]}; give another with --name")
         faults.raise_errors()
-    written = _written(spec, importer.name, file, tuple(sorted(faults.warnings)))
-    return replace(written, chain=found.chain, source=text)
+    written = _write_and_read_back(spec, importer.name, file, tuple(sorted(faults.warnings)))
+    return replace(written, chain=robot.chain, source=text)
 
 
 def _choose(text: str, file: str, form: str | None) -> Importer:
@@ -111,7 +111,7 @@ def _choose(text: str, file: str, form: str | None) -> Importer:
     for importer in known.values():
         if suffix in importer.suffixes:
             return importer
-    hint = "; ".join(f"{each.name}: {each.meaning}" for each in known.values())
+    hint = "; ".join(f"{candidate.name}: {candidate.meaning}" for candidate in known.values())
     raise InputError([Fault(file, 0, 0, "the file is of no format that can be imported", hint=f"formats are {hint}")])
 
 
@@ -128,7 +128,7 @@ def _from_stem(stem: str) -> str:
     return re.sub(r"\W+", "_", stem, flags=re.ASCII).strip("_")[:MAX_NAME]
 
 
-def _written(spec: RobotSpec, form: str, file: str, notes: tuple[Fault, ...]) -> Imported:
+def _write_and_read_back(spec: RobotSpec, form: str, file: str, notes: tuple[Fault, ...]) -> Imported:
     """Write the text of the robot file and read it back, which makes sure that it is valid."""
     text = dumps(spec)
     try:

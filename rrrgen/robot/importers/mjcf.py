@@ -76,7 +76,7 @@ class Settings:
         self.defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
         for default in root.all("default"):
             self._read_class(default, None)
-        for element in (each for part in root.children if part.tag != "default" for each in part.walk()):
+        for element in (descendant for part in root.children if part.tag != "default" for descendant in part.walk()):
             for key in ("class", "childclass"):
                 name = element.attributes.get(key, "main")
                 if name not in self.defaults:
@@ -202,7 +202,7 @@ class Actuators:
             for element in part.children:
                 self._read_actuator(settings.with_defaults(element, "main"))
         tendons = [element for part in root.all("tendon") for element in part.children]
-        self.shafts = tuple(found for element in tendons if (found := self._shaft(element, joints)) is not None)
+        self.shafts = tuple(shaft for element in tendons if (shaft := self._shaft(element, joints)) is not None)
 
     def with_limit(self, joint: TreeJoint) -> TreeJoint:
         """Give ``joint`` the torque limit of its actuator, unless it has a limit of its own."""
@@ -222,13 +222,13 @@ class Actuators:
             hint = "torque limits are those of joints and coupled drives"
             self.values.faults.warning(element.place, f"the actuator <{element.tag}> is left out", hint)
             return
-        found = []
+        torques = []
         for name in ("forcerange", *(("ctrlrange",) if element.tag == "motor" else ())):
             span = self.values.numbers(element, name, 2) if name in element.attributes else None
             if span and span[0] < 0 < span[1]:
-                found.append(float(min(-span[0], span[1]) * abs(gears[0])))
-        if found and min(found) > 0:
-            self.limits[f"{kind} {element.attributes[kind]}"] = min(found)
+                torques.append(float(min(-span[0], span[1]) * abs(gears[0])))
+        if torques and min(torques) > 0:
+            self.limits[f"{kind} {element.attributes[kind]}"] = min(torques)
 
     def _shaft(self, element: Element, joints: Collection[str]) -> Shaft | None:
         name = element.attributes.get("name", "")
@@ -236,11 +236,11 @@ class Actuators:
             self.values.faults.warning(element.place, f"the tendon '{name}' is left out", "only fixed tendons are read")
             return None
         weights = {}
-        for each in element.all("joint"):
-            joint = each.attributes.get("joint", "")
+        for joint_element in element.all("joint"):
+            joint = joint_element.attributes.get("joint", "")
             if joint not in joints:
-                self.values.faults.error(each.place_of("joint"), f"there is no joint '{joint}'")
-            weights[joint] = self.values.one(each, "coef")
+                self.values.faults.error(joint_element.place_of("joint"), f"there is no joint '{joint}'")
+            weights[joint] = self.values.one(joint_element, "coef")
         if any(x != 0 for x in self.values.numbers(element, "stiffness", None, "0") or ()):
             self.values.faults.warning(element.place, f"the spring of tendon '{name}' is left out", "there are none")
         inertia = self.values.not_negative(element, "armature") or None
@@ -260,14 +260,14 @@ def body_inertia(element: Element, inherited: str, settings: Settings, values: V
     """The inertia of a body in its frame; None where it has none, or only meshes."""
     stated = element.child("inertial")
     if stated is not None and settings.from_geoms != "true":
-        return _stated(stated, settings, values)
+        return _read_inertial(stated, settings, values)
     if settings.from_geoms == "false":
         return None
     total: Inertia | None = None
     for geom, frame, place_class in _geoms(element, inherited, identity(), settings, values):
-        found = _geom(settings.with_defaults(geom, place_class), frame, settings, values)
-        if found is not None:
-            total = found if total is None else total + found
+        geom_inertia = _geom(settings.with_defaults(geom, place_class), frame, settings, values)
+        if geom_inertia is not None:
+            total = geom_inertia if total is None else total + geom_inertia
     return total
 
 
@@ -275,14 +275,14 @@ def _geoms(
     element: Element, inherited: str, frame: Array, settings: Settings, values: Values
 ) -> list[tuple[Element, Array, str]]:
     """All geoms of a body, nested frames included: (geom, pose (4, 4) of its frame in the body, default class)."""
-    found = [(child, frame, inherited) for child in element.all("geom")]
+    geoms = [(child, frame, inherited) for child in element.all("geom")]
     for child in element.all("frame"):
         inner = frame @ pose(child, settings, values)
-        found += _geoms(child, child.attributes.get("childclass", inherited), inner, settings, values)
-    return found
+        geoms += _geoms(child, child.attributes.get("childclass", inherited), inner, settings, values)
+    return geoms
 
 
-def _stated(element: Element, settings: Settings, values: Values) -> Inertia:
+def _read_inertial(element: Element, settings: Settings, values: Values) -> Inertia:
     mass = values.one(element, "mass")
     if mass < 0:
         values.faults.error(element.place_of("mass"), "the mass is negative")
@@ -292,7 +292,7 @@ def _stated(element: Element, settings: Settings, values: Values) -> Inertia:
     else:
         xx, yy, zz = values.three(element, "diaginertia", "0 0 0")
         tensor = vector_rows([[xx, 0, 0], [0, yy, 0], [0, 0, zz]])
-    return Inertia(mass, vector((0, 0, 0)), tensor).moved(pose(element, settings, values))
+    return Inertia(mass, vector((0, 0, 0)), tensor).transform(pose(element, settings, values))
 
 
 def _geom(element: Element, frame: Array, settings: Settings, values: Values) -> Inertia | None:
@@ -314,7 +314,7 @@ def _geom(element: Element, frame: Array, settings: Settings, values: Values) ->
         if "mass" in element.attributes
         else values.one(element, "density", WATER) * volume(shape, size)
     )
-    return inertia(shape, size, mass).moved(frame @ place)
+    return inertia(shape, size, mass).transform(frame @ place)
 
 
 def _place_and_size(element: Element, shape: str, settings: Settings, values: Values) -> tuple[Array, list[Any] | None]:
@@ -541,16 +541,16 @@ class _MjcfReader:
         force = (
             self.values.numbers(element, "actuatorfrcrange", 2) if "actuatorfrcrange" in element.attributes else None
         )
-        found: dict[str, float] = {}
+        limits: dict[str, float] = {}
         if span and span[0] > span[1]:
             message = f"range of <joint> is {float(span[0]):g} to {float(span[1]):g}"
             self.faults.error(element.place_of("range"), message, "the lower end first")
         if span and (limited == "true" or (limited == "auto" and self.settings.auto_limits)) and span[0] < span[1]:
             scale = self.settings.angle if kind == "revolute" else number(1)
-            found |= {"lower": float(span[0] * scale), "upper": float(span[1] * scale)}
+            limits |= {"lower": float(span[0] * scale), "upper": float(span[1] * scale)}
         if force and force[1] > 0:
-            found["torque"] = float(min(force[1], -force[0]) if force[0] < 0 else force[1])
-        return Limits(**found)
+            limits["torque"] = float(min(force[1], -force[0]) if force[0] < 0 else force[1])
+        return Limits(**limits)
 
     def _drive(self, element: Element) -> DriveSpec | None:
         armature = self.values.not_negative(element, "armature")

@@ -65,7 +65,7 @@ class Assignments:
 
     def __init__(self, source: Source, faults: FaultList, spellings: Mapping[str, str]) -> None:
         self.source, self.faults, self.spellings = source, faults, spellings
-        self.text = _COMMENT.sub(lambda found: re.sub(r"\S", " ", found.group()), source.text)
+        self.text = _COMMENT.sub(lambda comment: re.sub(r"\S", " ", comment.group()), source.text)
         self.items: dict[str, tuple[str, int]] = {}
         self.place: dict[str, Place] = {}
         self.rounded: list[float] = []
@@ -75,16 +75,16 @@ class Assignments:
 
     def _split(self) -> None:
         end = 0
-        for found in _ITEM.finditer(self.text):
-            self._refuse_rest(end, found.start())
-            end = found.end()
-            name = self.spellings.get(found.group(1), found.group(1))
-            place = place_at(self.text, found.start())
+        for assignment in _ITEM.finditer(self.text):
+            self._refuse_rest(end, assignment.start())
+            end = assignment.end()
+            name = self.spellings.get(assignment.group(1), assignment.group(1))
+            place = place_at(self.text, assignment.start())
             if name in self.items:
                 self.faults.error(place, f"'{name}' is given twice", f"first at line {self.place[name].line}")
                 continue
-            group = 3 if found.group(2) is None else 2
-            self.items[name], self.place[name] = (found.group(group), found.start(group)), place
+            group = 3 if assignment.group(2) is None else 2
+            self.items[name], self.place[name] = (assignment.group(group), assignment.start(group)), place
         self._refuse_rest(end, len(self.text))
 
     def _refuse_rest(self, start: int, end: int) -> None:
@@ -233,8 +233,8 @@ def _read(source: Source, faults: FaultList) -> Found | None:
         parameters={str(s): source.values[str(s)] for s in sorted(used, key=str)},
         joints=joints,
         links=bodies,
-        base=_fixed(base),
-        tool=_fixed(tool),
+        base=_fixed_transform(base),
+        tool=_fixed_transform(tool),
     )
     return Found(spec, place=place)
 
@@ -356,7 +356,7 @@ def _tree(source: Source, file: Assignments, table: dict[str, list[ListEntry]], 
         parameters={name: source.values[name] for name in used},
         joints=joints,
         links=bodies,
-        base=_fixed(base),
+        base=_fixed_transform(base),
         mechanism=replace(mechanism, loops=tuple(loops)),
     )
     return Found(_with_followers(file, table, spec), place=name_place)
@@ -404,7 +404,7 @@ def _loops(file: Assignments, table: dict[str, list[ListEntry]], parents: Sequen
     mu = file.entries("mu", links + 2 * cuts, needed=True)
     free = {j for j in range(links) if mu[j].expr == 0 and table["sigma"][j].expr != FIXED}
     waiting = {k: _pins(file, table, links + k, links + cuts + k) for k in range(cuts)}
-    found: dict[int, LoopSpec] = {}
+    loops: dict[int, LoopSpec] = {}
     while waiting:
         passive = {k: sorted(free & _between(parents, pins)) for k, pins in waiting.items()}
         k = next((k for k, rows in passive.items() if len(rows) == 2), None)
@@ -416,9 +416,9 @@ def _loops(file: Assignments, table: dict[str, list[ListEntry]], parents: Sequen
                 file.faults.error(place, f"the loop of frame {links + k + 1} has passive joints: {names}", hint)
             return []
         first, second = passive[k]
-        found[k] = LoopSpec(f"loop{k + 1}", (first, second), waiting.pop(k), 1)
+        loops[k] = LoopSpec(f"loop{k + 1}", (first, second), waiting.pop(k), 1)
         free -= {first, second}
-    return [found[k] for k in sorted(found)]
+    return [loops[k] for k in sorted(loops)]
 
 
 def _between(parents: Sequence[int], pins: tuple[Pin, Pin]) -> set[int]:
@@ -435,7 +435,7 @@ def _between(parents: Sequence[int], pins: tuple[Pin, Pin]) -> set[int]:
 
 def _pins(file: Assignments, table: dict[str, list[ListEntry]], cut: int, counterpart: int) -> tuple[Pin, Pin]:
     """Both ends of the pin at a cut joint: the rows of the links (-1: the base) and its places in their frames."""
-    found = []
+    ends = []
     for j in (cut, counterpart):
         T = sp.eye(4)
         ant = j + 1
@@ -452,8 +452,8 @@ def _pins(file: Assignments, table: dict[str, list[ListEntry]], cut: int, counte
         if j == cut:
             _check_axis(file, table, cut, T)
         x, y, z = (sp.simplify(v) if v.free_symbols else v for v in T[:3, 3])
-        found.append((ant - 1, (x, y, z)))
-    return found[0], found[1]
+        ends.append((ant - 1, (x, y, z)))
+    return ends[0], ends[1]
 
 
 def _check_axis(file: Assignments, table: dict[str, list[ListEntry]], cut: int, T: sp.Matrix) -> None:
@@ -486,11 +486,11 @@ def _fixed_row(file: Assignments, table: dict[str, list[ListEntry]], j: int) -> 
 
 def _name(source: Source) -> tuple[str, Place | None]:
     """The robot's name, and its place if the file states it."""
-    found = re.search(r"\(\*\s*Robotname\s*=\s*'([^'\n]*)'", source.text)
-    word = re.sub(r"\W+", "_", found.group(1), flags=re.ASCII).strip("_") if found else ""
-    if found is None or not word:
+    match = re.search(r"\(\*\s*Robotname\s*=\s*'([^'\n]*)'", source.text)
+    word = re.sub(r"\W+", "_", match.group(1), flags=re.ASCII).strip("_") if match else ""
+    if match is None or not word:
         return source.name, None
-    return word, place_at(source.text, found.start(1))
+    return word, place_at(source.text, match.start(1))
 
 
 def _refuse_other_structures(file: Assignments) -> None:
@@ -707,7 +707,7 @@ def _link(file: Assignments, table: dict[str, list[ListEntry]], j: int) -> LinkS
     return LinkSpec(mass, (x, y, z), inertia, "origin")
 
 
-def _fixed(matrix: sp.Matrix) -> FixedTransform:
+def _fixed_transform(matrix: sp.Matrix) -> FixedTransform:
     entries: Sequence[sp.Expr] = [matrix[i, k] for i in range(3) for k in range(3)]
     return FixedTransform(tuple(entries), (matrix[0, 3], matrix[1, 3], matrix[2, 3]))
 

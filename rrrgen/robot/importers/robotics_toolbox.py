@@ -57,7 +57,7 @@ def from_toolbox(robot: Any, name: str = "", angle_tolerance: float = DEFAULT_AN
         raise InputError(f"angle_tolerance is {angle_tolerance!r}, not an angle in rad of 0 or more")
     convention = "modified" if robot.mdh else "standard"
     gravity = values.vector(robot.gravity, "gravity", 3)
-    base, tool = (_fixed(getattr(robot, end), end, tolerance, values) for end in ("base", "tool"))
+    base, tool = (_fixed_transform(getattr(robot, end), end, tolerance, values) for end in ("base", "tool"))
     joints, bodies = [], []
     for k, link in enumerate(links, 1):
         if _is_whole(k, link, convention, values):
@@ -102,16 +102,16 @@ class _Values:
 
     def number(self, value: Any, what: str) -> float:
         try:
-            found = float("nan") if isinstance(value, str) else float(value)
+            real = float("nan") if isinstance(value, str) else float(value)
         except (TypeError, ValueError):
-            found = float("nan")
-        if not np.isfinite(found):
+            real = float("nan")
+        if not np.isfinite(real):
             hint = (
                 "the importer takes numbers: replace symbols by their values" if hasattr(value, "free_symbols") else ""
             )
             self.fault(f"{what} is {str(value)[:60]!r}, not a finite number", hint)
             return 0.0
-        return found
+        return real
 
     def vector(self, value: Any, what: str, size: int) -> list[float]:
         entries = np.ravel(np.asarray(value, dtype=object))
@@ -119,9 +119,9 @@ class _Values:
             self.fault(f"{what} has {entries.size} values instead of {size}")
             return [0.0] * size
         before = len(self.faults)
-        found = [self.number(entry, f"entry {k} of {what}") for k, entry in enumerate(entries, 1)]
+        numbers = [self.number(entry, f"entry {k} of {what}") for k, entry in enumerate(entries, 1)]
         del self.faults[before + 1 :]  # the first fault of a matrix says enough
-        return found
+        return numbers
 
 
 def _is_whole(k: int, link: Any, convention: str, values: _Values) -> bool:
@@ -228,7 +228,7 @@ def _link(k: int, link: Any, values: _Values) -> LinkSpec:
     return LinkSpec(_decimal(mass), (_decimal(x), _decimal(y), _decimal(z)), inertia, "com")
 
 
-def _fixed(pose: Any, what: str, tolerance: float, values: _Values) -> FixedTransform:
+def _fixed_transform(pose: Any, what: str, tolerance: float, values: _Values) -> FixedTransform:
     """Convert a pose of the toolbox; its rotation is made exact through roll, pitch and yaw."""
     T = np.reshape(values.vector(getattr(pose, "A", pose), what, 16), (4, 4))
     R = T[:3, :3]

@@ -141,27 +141,27 @@ def _inertia(link: Element, values: Values) -> Inertia | None:
     entries = {key: values.one(tensor, f"i{key}", "0" if key[0] != key[1] else None) for key in _ENTRIES}
     rows = [[entries[min(a + b, b + a)] for b in "xyz"] for a in "xyz"]
     at_com = Inertia(m, vector((0, 0, 0)), 0 * identity(3) + rows)
-    return at_com.moved(_origin(inertial, values))
+    return at_com.transform(_origin(inertial, values))
 
 
 _ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 
 
 def _joints(root: Element, bodies: dict[str, Body], values: Values) -> list[TreeJoint]:
-    found: dict[str, TreeJoint] = {}
+    joints: dict[str, TreeJoint] = {}
     gears = _gear_ratios(root, values)
     for element in root.all("joint"):
         joint = _joint(element, bodies, gears, values)
         if joint is None:
             continue
-        if joint.name in found:
+        if joint.name in joints:
             values.faults.error(element.place, f"there are two joints '{joint.name}'", "names are unique")
-        found[joint.name] = joint
-    for name, joint in found.items():
-        if joint.mimic is not None and joint.mimic.of not in found:
-            hint = did_you_mean(joint.mimic.of, found)
+        joints[joint.name] = joint
+    for name, joint in joints.items():
+        if joint.mimic is not None and joint.mimic.of not in joints:
+            hint = did_you_mean(joint.mimic.of, joints)
             values.faults.error(joint.place, f"joint '{name}' follows '{joint.mimic.of}', which does not exist", hint)
-    return list(found.values())
+    return list(joints.values())
 
 
 def _joint(element: Element, bodies: dict[str, Body], gears: dict[str, float], values: Values) -> TreeJoint | None:
@@ -220,26 +220,26 @@ def _limits(element: Element, word: str, values: Values) -> Limits:
     limit = element.child("limit")
     if limit is None:
         return Limits()
-    found: dict[str, float | None] = {}
+    limits: dict[str, float | None] = {}
     for key, field in (("velocity", "velocity"), ("effort", "torque")):
         value = values.float_or_none(limit, key)
         if value is not None and value <= 0:
             values.faults.warning(limit.place_of(key), f"the {key} limit {value:g} is left out", "it would be no limit")
             value = None
-        found[field] = _stated(value)
+        limits[field] = _limit_or_none(value)
     if word != "continuous":
         lower, upper = (values.float_or_none(limit, key) for key in ("lower", "upper"))
         if lower is not None or upper is not None:
             lower, upper = lower or 0.0, upper or 0.0  # the format's defaults
             if lower < upper:
-                found |= {"lower": _stated(lower), "upper": _stated(upper)}
+                limits |= {"lower": _limit_or_none(lower), "upper": _limit_or_none(upper)}
             else:
                 message = f"the limits {lower:g} and {upper:g} of '{element.attributes.get('name', '')}' are left out"
                 values.faults.warning(limit.place, message, "lower is below upper")
-    return Limits(**found)
+    return Limits(**limits)
 
 
-def _stated(limit: float | None) -> float | None:
+def _limit_or_none(limit: float | None) -> float | None:
     """The limit, or None for a number above 1e9: files write that for "no limit", as the format demands a value."""
     return None if limit is None or abs(limit) >= NO_LIMIT else limit
 

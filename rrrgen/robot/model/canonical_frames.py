@@ -55,7 +55,7 @@ class Twist(NamedTuple):
     a: sp.Expr = sp.S.Zero
     alpha: sp.Expr = sp.S.Zero
 
-    def joined(self, following: Twist) -> Twist:
+    def compose(self, following: Twist) -> Twist:
         """The product of both transforms; where both turn, alpha loses whole turns."""
         if NO_TWIST in (self, following):
             return self if following == NO_TWIST else following
@@ -90,15 +90,15 @@ def dh_rows(spec: RobotSpec, *, nominal: bool = False) -> tuple[DHRow, ...]:
     Named parameters remain symbols; with ``nominal`` they are replaced by their nominal values.
     """
 
-    found = []
+    rows = []
     for joint in spec.rows:
         values = (joint.theta, joint.d, joint.a, joint.alpha, joint.gamma, joint.b)
         theta, d, a, alpha, gamma, b = (spec.nominal(value) for value in values) if nominal else values
         twists = (NO_TWIST, Twist(a, alpha)) if spec.convention == "standard" else (Twist(a, alpha), NO_TWIST)
         if joint.sign < 0:
-            theta, d, twists = -theta, -d, (twists[0].joined(_HALF_TURN), twists[1].joined(_HALF_TURN))
-        found.append(DHRow(twists[0], theta, d, twists[1], joint.is_revolute, gamma, b))
-    return tuple(found)
+            theta, d, twists = -theta, -d, (twists[0].compose(_HALF_TURN), twists[1].compose(_HALF_TURN))
+        rows.append(DHRow(twists[0], theta, d, twists[1], joint.is_revolute, gamma, b))
+    return tuple(rows)
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -134,7 +134,7 @@ class RobotModel:
     def at_tip(self, name: str) -> RobotModel:
         """The same model with the named tip in place of the unnamed one."""
         one = self.spec.at_tip(name)
-        return replace(self, tip=self.link_frames[one.tip_row] @ _fixed(one.tool), tip_link=one.tip_row)
+        return replace(self, tip=self.link_frames[one.tip_row] @ _rigid_transform(one.tool), tip_link=one.tip_row)
 
     @property
     def n(self) -> int:
@@ -163,18 +163,18 @@ class RobotModel:
 
     def path(self, link: int) -> tuple[int, ...]:
         """The joints that move ``link``, from the base to it."""
-        found: list[int] = []
+        links: list[int] = []
         while link >= 0:
-            found.append(link)
+            links.append(link)
             link = self.joints[link].parent
-        return tuple(reversed(found))
+        return tuple(reversed(links))
 
 
 def build_model(spec: RobotSpec) -> RobotModel:
     """The canonical form of the robot described by ``spec``."""
     rows = dh_rows(spec)
-    frames = [_twisted(row.behind) for row in rows]
-    base = _fixed(spec.base)
+    frames = [_twist_transform(row.behind) for row in rows]
+    base = _rigid_transform(spec.base)
     constants, angles = [], []
     for parent, row in zip(spec.parents, rows, strict=True):
         behind = rows[parent].behind if parent >= 0 else NO_TWIST
@@ -210,7 +210,7 @@ def build_model(spec: RobotSpec) -> RobotModel:
     return RobotModel(
         spec=spec,
         joints=joints,
-        tip=link_frames[tip_link] @ _fixed(spec.tool),
+        tip=link_frames[tip_link] @ _rigid_transform(spec.tool),
         link_frames=link_frames,
         tip_link=tip_link,
         coupling=coupling,
@@ -218,7 +218,7 @@ def build_model(spec: RobotSpec) -> RobotModel:
     )
 
 
-def _fixed(T: FixedTransform) -> RigidTransform:
+def _rigid_transform(T: FixedTransform) -> RigidTransform:
     return RigidTransform(sp.ImmutableMatrix(3, 3, list(T.rotation)), sp.ImmutableMatrix(list(T.translation)))
 
 
@@ -229,11 +229,11 @@ def _before_motion(behind: Twist, row: DHRow) -> tuple[RigidTransform, sp.Expr]:
     with the twist and becomes that angle: the joints then belong to one block.
     """
     if row.gamma == 0 and row.b == 0:
-        return _twisted(behind.joined(row.before)), sp.S.Zero
-    placed = RigidTransform.of(rotation_z(row.gamma), (0, 0, row.b)) @ _twisted(row.before)
+        return _twist_transform(behind.compose(row.before)), sp.S.Zero
+    placed = RigidTransform.of(rotation_z(row.gamma), (0, 0, row.b)) @ _twist_transform(row.before)
     if row.revolute and row.before.alpha == 0:
-        return _twisted(behind) @ RigidTransform.of(p=tuple(placed.p)), row.gamma
-    return _twisted(behind) @ placed, sp.S.Zero
+        return _twist_transform(behind) @ RigidTransform.of(p=tuple(placed.p)), row.gamma
+    return _twist_transform(behind) @ placed, sp.S.Zero
 
 
 def _coupling(spec: RobotSpec) -> tuple[tuple[sp.Expr, ...], ...] | None:
@@ -243,7 +243,7 @@ def _coupling(spec: RobotSpec) -> tuple[tuple[sp.Expr, ...], ...] | None:
     return spec.mechanism.matrix
 
 
-def _twisted(twist: Twist) -> RigidTransform:
+def _twist_transform(twist: Twist) -> RigidTransform:
     return RigidTransform(sp.ImmutableMatrix(rotation_x(twist.alpha)), sp.ImmutableMatrix([twist.a, 0, 0]))
 
 

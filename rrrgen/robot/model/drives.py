@@ -87,7 +87,7 @@ def unit(joint: int, n: int) -> tuple[int, ...]:
 def _joint_terms(spec: RobotSpec) -> Iterator[DriveTerm]:
     for kind in KINDS:
         for i, joint in enumerate(spec.joints):
-            value = _stated(joint, kind)
+            value = _stated_value(joint, kind)
             if value is not None:
                 yield DriveTerm(f"{SYMBOLS[kind]}{i + 1}", kind, value, unit(i, spec.n), joint=i)
 
@@ -97,13 +97,13 @@ def _motor_terms(spec: RobotSpec) -> Iterator[DriveTerm]:
         return
     for k, motor in enumerate(spec.drives.motors):
         for kind in KINDS:
-            value = _stated(motor, kind)
+            value = _stated_value(motor, kind)
             if value is not None:
                 direction = tuple(spec.drives.motor_from_joint.row(k))
                 yield DriveTerm(f"{SYMBOLS[kind]}_{motor.name}", kind, value, direction, motor=k)
 
 
-def _stated(owner: JointSpec | MotorSpec, kind: Kind) -> float | None:
+def _stated_value(owner: JointSpec | MotorSpec, kind: Kind) -> float | None:
     """The value that the file states for ``kind`` at a joint or motor; None if it states none."""
     inertial: DriveSpec | MotorSpec | None = owner if isinstance(owner, MotorSpec) else owner.drive
     source: DriveSpec | MotorSpec | FrictionSpec | None = inertial if kind == "inertia" else owner.friction

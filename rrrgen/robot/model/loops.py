@@ -113,9 +113,9 @@ class LoopGeometry:
         self._base = RigidTransform(
             sp.ImmutableMatrix(3, 3, list(spec.base.rotation)), sp.ImmutableMatrix(list(spec.base.translation))
         )
-        found = [self._closure(k) for k in range(len(self._mechanism.loops))]
+        closures = [self._closure(k) for k in range(len(self._mechanism.loops))]
         self.coupling = tuple(self._displacement(i) for i in range(len(joints)))
-        self.closures = tuple(found) if spec.newton else self._in_order(found)
+        self.closures = tuple(closures) if spec.newton else self._in_order(closures)
 
     # -- displacements over the coordinates --------------------------------------------------------------------------
 
@@ -137,14 +137,14 @@ class LoopGeometry:
                 elif passive[j] == i:
                     total = _plus(total, self._of_passive(j), sp.S.One)
                 else:  # a row that follows a passive one
-                    own = self._mechanism.matrix[passive[j]][k]
-                    total = _plus(total, self._displacement(passive[j]), factor * own)
+                    passive_factor = self._mechanism.matrix[passive[j]][k]
+                    total = _plus(total, self._displacement(passive[j]), factor * passive_factor)
             self._known[i] = total
-        found = self._known[i]
-        if found is None:
+        displacement = self._known[i]
+        if displacement is None:
             loop = self._mechanism.loops[0]
             raise LoopError(loop.name, "its links depend on each other through the rows that follow them", _ORDER)
-        return found
+        return displacement
 
     def _of_passive(self, j: int) -> Form:
         """The displacement of passive row number j: its angle in the plane minus that of the link before it.
@@ -226,10 +226,10 @@ class LoopGeometry:
         """The orientation of the link behind ``rows``, which begin at the common link."""
         at = self._start(loop)
         for i in rows:
-            at = self._turned(loop, at, i)
+            at = self._orientation_behind(loop, at, i)
         return at
 
-    def _turned(self, loop: LoopSpec, at: _Orientation, i: int) -> _Orientation:
+    def _orientation_behind(self, loop: LoopSpec, at: _Orientation, i: int) -> _Orientation:
         joint = self._joints[i]
         C = sp.ImmutableMatrix((at.C * joint.before.R).applyfunc(_exact))
         if not joint.revolute:
@@ -249,11 +249,11 @@ class LoopGeometry:
             at = self._start(loop)
             for i in branch:
                 segments += self._way(loop, sign, at, i)
-                at = self._turned(loop, at, i)
+                at = self._orientation_behind(loop, at, i)
             frame = self._link_frames[row] if row >= 0 else self._base
             segments.append(self._segment(sign, at, at.C * (frame.R * sp.Matrix(point) + frame.p)))
         coordinates = (self._spec.n + 2 * k, self._spec.n + 2 * k + 1)
-        closure = Closure(loop.name, coordinates, side * loop.assembly, tuple(_merged(segments)), slider)
+        closure = Closure(loop.name, coordinates, side * loop.assembly, tuple(_merge_segments(segments)), slider)
         if self._spec.newton:
             for row in loop.passive:
                 self._branch_of(loop, row)
@@ -273,7 +273,7 @@ class LoopGeometry:
 
         ``sides`` holds for both coordinates of ``closure`` the form and the constant that it equals; empty if unknown.
         """
-        found: dict[int, tuple[Form, sp.Expr]] = {}
+        followers: dict[int, tuple[Form, sp.Expr]] = {}
         for coordinate, row in zip(closure.coordinates, loop.passive, strict=True):
             facing, before = self._carrier(loop, row)
             form, constant = (sp.S.Zero,) * self._width, sp.S.Zero
@@ -281,12 +281,12 @@ class LoopGeometry:
             turned[coordinate] += facing
             for k, factor in enumerate(turned):
                 if factor != 0:
-                    own, offset = sides.get(k, (self._unit(k), sp.S.Zero))
-                    form, constant = _plus(form, own, factor), constant + factor * offset
+                    side_form, offset = sides.get(k, (self._unit(k), sp.S.Zero))
+                    form, constant = _plus(form, side_form, factor), constant + factor * offset
             if not sides or any(form[self._spec.n :]):
                 return None
-            found[row] = form[: self._spec.n], _exact(constant)
-        return found
+            followers[row] = form[: self._spec.n], _exact(constant)
+        return followers
 
     def _side(self, k: int) -> tuple[int, int | None]:
         """Check the passive rows of loop number ``k``.
@@ -313,14 +313,14 @@ class LoopGeometry:
     def _way(self, loop: LoopSpec, sign: int, at: _Orientation, i: int) -> list[Segment]:
         """The segments from the link oriented ``at`` to the origin of joint ``i`` on it."""
         joint = self._joints[i]
-        found = [self._segment(sign, at, at.C * joint.before.p)]
+        segments = [self._segment(sign, at, at.C * joint.before.p)]
         if not joint.revolute:
             x, y, z = (_exact(v) for v in (at.C * joint.before.R)[:, 2])
             if z != 0 and (x, y) != (0, 0):
                 hint = "a prismatic row slides in the plane or across it"
                 raise LoopError(loop.name, f"the axis of '{joint.name}' is inclined to its plane", hint)
-            found.append(Segment(sign, at.turning, at.angle, (sp.S.Zero, sp.S.Zero), self._displacement(i), (x, y)))
-        return found
+            segments.append(Segment(sign, at.turning, at.angle, (sp.S.Zero, sp.S.Zero), self._displacement(i), (x, y)))
+        return segments
 
     def _segment(self, sign: int, at: _Orientation, vector: sp.MatrixBase) -> Segment:
         zero = sp.S.Zero
@@ -369,7 +369,7 @@ def _plus(x: Form, y: Form, factor: sp.Expr) -> Form:
     return tuple(a + factor * b for a, b in zip(x, y, strict=True))
 
 
-def _merged(segments: Sequence[Segment]) -> list[Segment]:
+def _merge_segments(segments: Sequence[Segment]) -> list[Segment]:
     """The ``segments`` without zero ones; constant vectors that turn by equal angles are added."""
     sums: dict[tuple[Form, sp.Expr], Segment] = {}
     slides = []
@@ -395,7 +395,7 @@ def _check_dyad(closure: Closure) -> None:
         if turned not in ((0, 0), (1, 0), (0, 1)) or moved not in ((0, 0), (1, 0), (0, 1)) or only:
             raise LoopError(closure.name, "a row that follows a passive one lies inside it", _ORDER)
         slides += sum(moved)
-        bars = [found or one.turning[k] == 1 or k == closure.slider for found, k in zip(bars, (a, b), strict=True)]
+        bars = [bar or one.turning[k] == 1 or k == closure.slider for bar, k in zip(bars, (a, b), strict=True)]
     if slides > 1:
         raise LoopError(closure.name, "a row that follows a passive one lies inside it", _ORDER)
     if not all(bars):
@@ -468,19 +468,19 @@ def _opposite_sides(spec: RobotSpec, closure: Closure) -> dict[int, tuple[Form, 
     sides = _side_lengths(spec, closure.segments)
     bars = {k: [(form, v) for form, v in sides.items() if form[k] == 1] for k in (a, b)}
     known = [(form, v) for form, v in sides.items() if form[a] == 0 and form[b] == 0]
-    lengths = sorted(sum(abs(v) for _, v in each) for each in bars.values())
+    lengths = sorted(sum(abs(v) for _, v in bar_sides) for bar_sides in bars.values())
     opposite = sorted(abs(v) for _, v in known)
     pairs = zip(lengths, opposite, strict=False)
     if len(sides) != 4 or len(known) != 2 or not all(math.isclose(*pair, rel_tol=SAME_LENGTH) for pair in pairs):
         return None
     if math.isclose(*opposite, rel_tol=SAME_LENGTH) or any(sum(v != 0 for v in bars[k][0][0]) != 1 for k in (a, b)):
         return {}
-    found = {}
+    opposite_sides = {}
     for k in (a, b):
         _, bar = bars[k][0]
-        form, side = min(known, key=lambda each: abs(abs(each[1]) - abs(bar)))
-        found[k] = form, _exact_angle(cmath.phase(-side / bar))
-    return found
+        form, side = min(known, key=lambda candidate: abs(abs(candidate[1]) - abs(bar)))
+        opposite_sides[k] = form, _exact_angle(cmath.phase(-side / bar))
+    return opposite_sides
 
 
 def _exact_angle(angle: float) -> sp.Expr:
@@ -508,9 +508,11 @@ def with_parallelograms_followed(spec: RobotSpec, error: ParallelogramError) -> 
         for j, factor in enumerate(factors):
             if j in columns and factor != 0:
                 passive = mechanism.passive[j - n]
-                own, offset = error.follows[passive]
+                passive_form, offset = error.follows[passive]
                 weight = factor * mechanism.matrix[passive][j]  # +1 for the passive row itself, whatever its sign
-                form = tuple(x + weight * y for x, y in zip(form, (*own, *(0 for _ in factors[n:])), strict=True))
+                form = tuple(
+                    x + weight * y for x, y in zip(form, (*passive_form, *(0 for _ in factors[n:])), strict=True)
+                )
                 constant += weight * offset
             elif j >= n:
                 form = (*form[:j], factor, *form[j + 1 :])

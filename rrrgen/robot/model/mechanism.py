@@ -47,25 +47,25 @@ def follower_limits(spec: RobotSpec) -> tuple[FollowerLimits, ...]:
     """The ranges of all rows that follow several joints; empty for a serial chain."""
     if spec.mechanism is None:
         return ()
-    found = []
+    limits = []
     for row, factors in zip(spec.rows, spec.mechanism.matrix, strict=True):
         several = sum(factor != 0 for factor in factors) > 1
         lower, upper = (None if v is None else float(v) for v in (row.limits.lower, row.limits.upper))
         if several and (lower is not None or upper is not None):
-            found.append(FollowerLimits(row.name, tuple(map(float, factors[: spec.n])), lower, upper))
-    return tuple(found)
+            limits.append(FollowerLimits(row.name, tuple(map(float, factors[: spec.n])), lower, upper))
+    return tuple(limits)
 
 
 def limits_at(spec: RobotSpec, i: int, q: Sequence[float]) -> Limits:
     """The limits of joint ``i``, its range narrowed by rows that follow it, while the other joints stand at ``q``."""
     limits = spec.joints[i].limits
     lower, upper = limits.lower, limits.upper
-    for each in follower_limits(spec):
-        factor = each.factors[i]
+    for follower in follower_limits(spec):
+        factor = follower.factors[i]
         if factor == 0.0:
             continue
-        rest = sum(f * float(x) for k, (f, x) in enumerate(zip(each.factors, q, strict=True)) if k != i)
-        ends = [None if v is None else (v - rest) / factor for v in (each.lower, each.upper)]
+        rest = sum(f * float(x) for k, (f, x) in enumerate(zip(follower.factors, q, strict=True)) if k != i)
+        ends = [None if v is None else (v - rest) / factor for v in (follower.lower, follower.upper)]
         least, most = ends if factor > 0.0 else ends[::-1]
         lower = least if lower is None else lower if least is None else max(float(lower), least)
         upper = most if upper is None else upper if most is None else min(float(upper), most)
@@ -88,7 +88,7 @@ def chain_to_tip(spec: RobotSpec) -> RobotSpec:
             if rows:
                 rows[-1] = replace(rows[-1], theta=rows[-1].theta + row.gamma, d=rows[-1].d + row.b)
             else:
-                base = base.screwed(row.gamma, row.b)
+                base = base.append_screw(row.gamma, row.b)
         rows.append(replace(row, limits=Limits(), friction=None, drive=None, gamma=sp.S.Zero, b=sp.S.Zero))
     return replace(
         spec, joints=tuple(rows), mechanism=None, links=None, base=base, drives=None, basis=None, tools={}, tips={}
@@ -136,29 +136,29 @@ def tip_arm(spec: RobotSpec, tip: str) -> TipArm:
     ways = [one.mechanism.path(spec.at_tip(other).tip_row) for other in spec.tips]
     beside = [way for way in ways if any(x != y for x, y in zip(way, path, strict=False))]
     of_others = set().union(*map(moving, beside))
-    own, shared = sorted(moving(path) - of_others), sorted(moving(path) & of_others)
+    arm_joints, shared = sorted(moving(path) - of_others), sorted(moving(path) & of_others)
     start = max((k + 1 for k, i in enumerate(path) if moving([i]) & of_others), default=0)
     name = f"{spec.name}_{tip}"
-    if not own:
+    if not arm_joints:
         raise DerivationError(f"{name}: no joint moves this tip and no other")
-    if moving(path[:start]) & set(own):
-        first = spec.joints[own[0]].name
+    if moving(path[:start]) & set(arm_joints):
+        first = spec.joints[arm_joints[0]].name
         raise DerivationError(f"{name}: {first} moves this tip alone and stands before joints that other tips share")
     rows = path[start:]
     mechanism = MechanismSpec(
         tuple(spec.rows[i] for i in rows),
         tuple(range(-1, len(rows) - 1)),
         len(rows) - 1,
-        tuple(tuple(S[i][k] for k in own) for i in rows),
+        tuple(tuple(S[i][k] for k in arm_joints) for i in rows),
     )
-    joints = tuple(replace(spec.joints[k], friction=None, drive=None) for k in own)
+    joints = tuple(replace(spec.joints[k], friction=None, drive=None) for k in arm_joints)
     part = replace(one, name=name, joints=joints, mechanism=mechanism, links=None, drives=None, basis=None, tools={})
     part = part if start == 0 else replace(part, base=FixedTransform())
-    if sp.Matrix(mechanism.matrix) == sp.eye(len(own)):  # a chain, which more solvers know
+    if sp.Matrix(mechanism.matrix) == sp.eye(len(arm_joints)):  # a chain, which more solvers know
         serial = chain_to_tip(part)
-        limited = (replace(row, limits=each.limits) for row, each in zip(serial.joints, joints, strict=True))
+        limited = (replace(row, limits=joint.limits) for row, joint in zip(serial.joints, joints, strict=True))
         part = replace(serial, joints=tuple(limited))
-    return TipArm(part, path[start - 1] if start else -1, tuple(own), tuple(shared))
+    return TipArm(part, path[start - 1] if start else -1, tuple(arm_joints), tuple(shared))
 
 
 def mechanism_equations(spec: RobotSpec) -> list[str]:
@@ -167,21 +167,21 @@ def mechanism_equations(spec: RobotSpec) -> list[str]:
         return []
     passive = [spec.rows[row].name for row in spec.mechanism.passive]
     names = [joint.name for joint in spec.joints] + passive
-    found = []
+    clauses = []
     for row, parent, factors in zip(spec.rows, spec.parents, spec.mechanism.matrix, strict=True):
         carrier = spec.rows[parent].name if parent >= 0 else "base"
         if spec.floating_base and parent < 0:
-            found.append(f"{row.name} is the floating base")
+            clauses.append(f"{row.name} is the floating base")
             continue
         moved = weighted_sum(names, [str(value) for value in factors])
         free = " without a drive" if row.name in passive else "" if moved == row.name else f", {row.name} = {moved}"
-        found.append(f"{row.name} on {carrier}{free}")
+        clauses.append(f"{row.name} on {carrier}{free}")
     for loop in spec.loops:
         ends = " and ".join("base" if row < 0 else spec.rows[row].name for row, _ in loop.pins)
         moved = " and ".join(spec.rows[row].name for row in loop.passive)
         way = f"assembly {loop.assembly:+d}" if loop.start is None else "solved by Newton's method"
-        found.append(f"loop {loop.name}: a pin of {ends} moves {moved}, {way}")
-    return [*found, *(f"tip {name} on {tip.row}" for name, tip in spec.tips.items())]
+        clauses.append(f"loop {loop.name}: a pin of {ends} moves {moved}, {way}")
+    return [*clauses, *(f"tip {name} on {tip.row}" for name, tip in spec.tips.items())]
 
 
 def mechanism_data(spec: RobotSpec) -> dict[str, Any] | None:

@@ -14,7 +14,7 @@ from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.derive.functions.friction import surfaces_of
 from rrrgen.program import Role, nominal_name
 from rrrgen.robot.model.drives import stated_at_joints
-from rrrgen.runtime.arguments import checked, joined, nominal_values, read_only
+from rrrgen.runtime.arguments import check_status, join_parameters, nominal_values, read_only
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
@@ -92,9 +92,12 @@ class Calls:
             if name in offered and self._compiled is not None and group not in self._groups:
                 self._groups[group] = self._compiled(self.spec, groups=(group,))
                 return self._with(name)
-        derived = [*self._on_demand, *(each for model in self._groups.values() for each in model.derived.programs)]
+        derived = [
+            *self._on_demand,
+            *(program_name for model in self._groups.values() for program_name in model.derived.programs),
+        ]
         further = [group for group in GROUPS if group not in (*ALWAYS, *self._groups)] if self._compiled else []
-        others = [each for group in further for each in functions_of(group, self.n, self.spec.tips)]
+        others = [function_name for group in further for function_name in functions_of(group, self.n, self.spec.tips)]
         known = sorted({*self.derived.programs, *derived, *others})
         there = f"there are inverse_kinematics, {', '.join(known)}"
         raise ValueError(f"no function '{name}'; {' '.join(filter(None, (did_you_mean(name, known), there)))}")
@@ -136,12 +139,12 @@ class Calls:
             return self.any_gravity._evaluate(name, values, beta, Ia, gravity)
         if name not in self.derived.programs and name not in self._specializations:
             return self._with(name)._evaluate(name, values, beta, Ia, gravity)
-        chosen, parameters = self._chosen(name, beta, Ia)
+        chosen, parameters = self._choose_program(name, beta, Ia)
         if self.spec.gravity_input and self.derived.programs[chosen].takes(Role.GRAVITY):
             values = (*values, self.nominal_gravity if gravity is None else gravity)
         return self.engine.call(chosen, (*values, *parameters.values()))
 
-    def _named(
+    def _evaluate_by_name(
         self, name: str, values: Mapping[str, Any], beta: Any = None, Ia: Any = None, gravity: Any = None
     ) -> Sequence[Array]:
         """Evaluate the function ``name`` for arguments by name; returns all its results.
@@ -150,9 +153,9 @@ class Calls:
         """
         if gravity is not None and not self.spec.gravity_input:
             self._check_beta(name, beta)
-            return self.any_gravity._named(name, values, beta, Ia, gravity)
+            return self.any_gravity._evaluate_by_name(name, values, beta, Ia, gravity)
         model = self._with(name)
-        chosen, parameters = model._chosen(name, beta, Ia)
+        chosen, parameters = model._choose_program(name, beta, Ia)
         given = {**values, **parameters, "gravity": self.nominal_gravity if gravity is None else gravity}
         inputs = model.derived.programs[chosen].inputs
         return model.engine.call(chosen, [given[port.name] for port in inputs if port.role is not Role.LOOPS])
@@ -162,15 +165,15 @@ class Calls:
 
         Such a call needs the base parameters of :attr:`any_gravity`.
         """
-        own, wanted = self.derived.b, self.any_gravity.derived.b
-        if beta is not None and np.shape(beta)[-1:] == (own,) != (wanted,):
+        length, wanted = self.derived.b, self.any_gravity.derived.b
+        if beta is not None and np.shape(beta)[-1:] == (length,) != (wanted,):
             raise ValueError(
-                f"{name}: with gravity= beta must be the {wanted} base parameters of model.any_gravity, not the {own} "
-                "of the gravity of the robot file; any_gravity.beta, any_gravity.add_payload(...) and "
+                f"{name}: with gravity= beta must be the {wanted} base parameters of model.any_gravity, not the "
+                f"{length} of the gravity of the robot file; any_gravity.beta, any_gravity.add_payload(...) and "
                 "any_gravity.base_projection @ phi give them"
             )
 
-    def _chosen(self, name: str, beta: Any, Ia: Any) -> tuple[str, dict[str, Any]]:
+    def _choose_program(self, name: str, beta: Any, Ia: Any) -> tuple[str, dict[str, Any]]:
         """Choose the program that evaluates the function ``name``; returns its name and its parameters by port name.
 
         It is the nominal specialization, if there is one, where no parameters are given. Raises ValueError for
@@ -192,7 +195,7 @@ class Calls:
         if self.drive_inertia is None:
             return chosen
         sizes = (self.derived.b, self.drive_inertia.size)
-        return joined(function, self.engine.dtype, chosen, self.drive_inertia if Ia is None else Ia, sizes)
+        return join_parameters(function, self.engine.dtype, chosen, self.drive_inertia if Ia is None else Ia, sizes)
 
     def _of_links(self, array: Array) -> Array:
         """Take off the columns or elements of the drive inertias, the last ones of ``array`` (..., k + d)."""
@@ -206,16 +209,16 @@ class Calls:
         programs = self.derived.programs
         return {program.specializes: name for name, program in programs.items() if program.specializes}
 
-    def _checked(self, name: str, result: Any, status: Any, with_status: bool) -> Any:
+    def _check_status(self, name: str, result: Any, status: Any, with_status: bool) -> Any:
         """Return ``result``, or raise LinAlgError if a state failed, ValueError if its input is refused.
 
         With ``with_status`` return result and status instead.
         """
-        return checked(self._with(name).derived.programs[name], result, np.asarray(status), with_status)
+        return check_status(self._with(name).derived.programs[name], result, np.asarray(status), with_status)
 
     # -- values of the robot file -----------------------------------------------------------------------------------
 
-    def _lengthened(self, function: str, values: Any, further: float) -> Any:
+    def _append_drive_values(self, function: str, values: Any, further: float) -> Any:
         """``values`` (..., b), one for each base parameter, with the value ``further`` for every drive inertia."""
         if self.drive_inertia is None:
             return values

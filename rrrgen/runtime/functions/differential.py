@@ -72,24 +72,24 @@ class DifferentialFunctions(TableFunctions):
         ports = declaration(self.n).inputs
         batch, arrays = prepare("differential_ik", ports, values, self.engine.dtype)
         whole = [np.broadcast_to(array, (*batch, *port.shape)) for array, port in zip(arrays, ports, strict=True)]
-        rows = [np.ascontiguousarray(each.reshape(-1, *port.shape)) for each, port in zip(whole, ports, strict=True)]
+        rows = [np.ascontiguousarray(stack.reshape(-1, *port.shape)) for stack, port in zip(whole, ports, strict=True)]
         dq, status = np.empty((len(rows[0]), self.n), self.engine.dtype), np.empty(len(rows[0]), np.intc)
         solve = self._solver()
         for k in range(len(dq)):
             status[k] = solve([row[k] for row in rows], dq[k])
-        return self._judged(dq.reshape(*batch, self.n), status.reshape(batch), with_status)
+        return self._check_solution(dq.reshape(*batch, self.n), status.reshape(batch), with_status)
 
     def _all_limits(self, given: tuple[Any, ...]) -> list[Any]:
         """The limits given, or those of the robot file: lowest and highest positions, speeds, accelerations."""
         joints = [joint.limits for joint in self.spec.joints]
         stated = (
-            [-np.inf if each.lower is None else float(each.lower) for each in joints],
+            [-np.inf if limits.lower is None else float(limits.lower) for limits in joints],
             *(
-                [np.inf if getattr(each, name) is None else float(getattr(each, name)) for each in joints]
+                [np.inf if getattr(limits, name) is None else float(getattr(limits, name)) for limits in joints]
                 for name in ("upper", "velocity", "acceleration")
             ),
         )
-        return [own if value is None else value for value, own in zip(given, stated, strict=True)]
+        return [default if value is None else value for value, default in zip(given, stated, strict=True)]
 
     def _solver(self) -> Solve:
         if self._differential is None:
@@ -100,7 +100,7 @@ class DifferentialFunctions(TableFunctions):
                 self._differential = compiled_solver(self.spec.name, self.n, "float" if single else "double")
         return self._differential
 
-    def _judged(self, dq: Any, status: Any, with_status: bool) -> Any:
+    def _check_solution(self, dq: Any, status: Any, with_status: bool) -> Any:
         if with_status:
             return dq, status
         if np.any(status):
@@ -154,15 +154,15 @@ def numpy_solver(values: Sequence[Array], dq: Array) -> int:
     n = len(q)
     H = J.reshape(6, n).T @ (weight[:, None] * J.reshape(6, n)) + damping**2 * np.eye(n)
     g = -(J.reshape(6, n).T @ (weight * V)) - damping**2 * dq_ref
-    finite = all(np.all(np.isfinite(each)) for each in (H, g, q, dq_last, Ts))
+    finite = all(np.all(np.isfinite(array)) for array in (H, g, q, dq_last, Ts))
     ordered = np.all(q_max >= q_min) and np.all(dq_max >= 0) and np.all(ddq_max >= 0)
     if not (finite and ordered and damping > 0 and Ts > 0 and np.all(weight >= 0)):
         dq[:] = _slower(dq_last, ddq_max, float(Ts))
         return INVALID
     low, high, met = _box(q, dq_last, (q_min, q_max), dq_max, ddq_max, float(Ts))
-    x, found = _active_set(H, g, low, high)
+    x, convergence = _active_set(H, g, low, high)
     dq[:] = np.minimum(np.maximum(x, low), high)
-    return (OK if met else LIMITS) if found else STOPPED
+    return (OK if met else LIMITS) if convergence else STOPPED
 
 
 def _slower(last: Array, ddq_max: Array, Ts: float) -> Array:

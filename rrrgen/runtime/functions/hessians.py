@@ -119,7 +119,7 @@ class HessianFunctions(TableFunctions):
             raise ValueError(STATE_FLOATING_BASE)
         values = (q, dq, ddq, weights, orientation, twist, twist_rate)
         gradient, *blocks, status = self._evaluate(name, values, beta, Ia, gravity)
-        return self._checked(name, Hessian(gradient, _symmetric(6 + self.n, self.n, blocks)), status, with_status)
+        return self._check_status(name, Hessian(gradient, _symmetric(6 + self.n, self.n, blocks)), status, with_status)
 
     def forward_dynamics_hessian(
         self,
@@ -155,7 +155,7 @@ class HessianFunctions(TableFunctions):
         """
         name = "forward_dynamics_hessian"
         gradient, *blocks, status = self._evaluate(name, (q, dq, tau, weights), beta, Ia, gravity)
-        return self._checked(name, Hessian(gradient, _symmetric(self.n, self.n, blocks)), status, with_status)
+        return self._check_status(name, Hessian(gradient, _symmetric(self.n, self.n, blocks)), status, with_status)
 
 
 def _symmetric(size: int, n: int, blocks: Sequence[Array]) -> Array:

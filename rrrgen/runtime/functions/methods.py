@@ -130,14 +130,14 @@ def _on_moving_base(function: ModelFunction) -> ModelFunction | None:
 
 def _of_base(function: ModelFunction) -> tuple[ArgumentKind, ...]:
     """What describes the moving base: the arguments that ``function`` has besides its own on a floating base."""
-    moving, own = _on_moving_base(function), {q.name for q in function.arguments}
-    return tuple(q for q in moving.arguments if q.name not in own) if moving else ()
+    moving, names = _on_moving_base(function), {q.name for q in function.arguments}
+    return tuple(q for q in moving.arguments if q.name not in names) if moving else ()
 
 
 def _longer(function: ModelFunction, q: ArgumentKind) -> str:
     """The sentence on the shape that the argument ``q`` of ``function`` has on a floating base, if it is another."""
     moving = _on_moving_base(function)
-    other = next((each for each in moving.arguments if each.name == q.name), q) if moving else q
+    other = next((argument for argument in moving.arguments if argument.name == q.name), q) if moving else q
     if other.shape == q.shape:
         return ""
     return f" Of a floating base that moves: {other.meaning}, (..., {', '.join(_sizes(other))}){other.note}."
@@ -155,21 +155,21 @@ def _argument(q: ArgumentKind) -> str:
 def docstring(function: ModelFunction, margin: int = 0) -> str:
     """The docstring of ``function``'s method, in lines that leave room for the indentation and ``margin``."""
     width = WIDTH - len(INDENT) - margin
-    entries = [f"{q.name}: {described(q)}{_longer(function, q)}" for q in function.arguments]
-    entries += [f"{q.name}: of a floating base that moves: {described(q)}" for q in _of_base(function)]
+    entries = [f"{q.name}: {describe_argument(q)}{_longer(function, q)}" for q in function.arguments]
+    entries += [f"{q.name}: of a floating base that moves: {describe_argument(q)}" for q in _of_base(function)]
     if function.of_tip:
         entries.append("tip: a named tip of the robot file in place of the unnamed one.")
     if function.status:
         kinds = " or ".join(dict.fromkeys(kind.removeprefix("numpy.linalg.") for kind, _ in _errors(function)))
         entries.append(f"with_status: return ``(result, status)`` instead of raising {kinds}.")
-    parts = [_wrapped(function.summary, width - 3)]
-    parts += [_wrapped(paragraph, width) for paragraph in function.details.split("\n\n") if paragraph]
+    parts = [_wrap(function.summary, width - 3)]
+    parts += [_wrap(paragraph, width) for paragraph in function.details.split("\n\n") if paragraph]
     parts.append(_section("Args", entries, width))
     moving = _on_moving_base(function)
     on_base = f" Of a floating base that moves, what :meth:`{moving.name}` returns." if moving else ""
     refused = f" Where the input is refused the status, (...), is 2; {function.refuses}." if function.refuses else ""
     parts.append(
-        "Returns:\n" + textwrap.indent(_wrapped(function.returns + on_base + refused, width - len(INDENT)), INDENT)
+        "Returns:\n" + textwrap.indent(_wrap(function.returns + on_base + refused, width - len(INDENT)), INDENT)
     )
     if errors := _errors(function):
         parts.append(_section("Raises", [f"{kind}: {text}" for kind, text in errors], width))
@@ -186,7 +186,7 @@ def _errors(function: ModelFunction) -> list[tuple[str, str]]:
     return errors
 
 
-def described(q: ArgumentKind) -> str:
+def describe_argument(q: ArgumentKind) -> str:
     """A sentence about an argument: meaning, shape, unit, default."""
     shape = "(...)" if not q.shape else f"(..., {', '.join(_sizes(q))})"
     if q.constant:
@@ -203,11 +203,11 @@ def _sizes(q: ArgumentKind) -> list[str]:
 
 
 def _section(title: str, entries: list[str], width: int) -> str:
-    lines = [textwrap.indent(_wrapped(entry, width - len(INDENT), INDENT), INDENT) for entry in entries]
+    lines = [textwrap.indent(_wrap(entry, width - len(INDENT), INDENT), INDENT) for entry in entries]
     return "\n".join([f"{title}:", *lines])
 
 
-def _wrapped(text: str, width: int, further: str = "") -> str:
+def _wrap(text: str, width: int, further: str = "") -> str:
     return textwrap.fill(text, width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
 
 
@@ -239,7 +239,7 @@ def _body(function: ModelFunction) -> Iterator[str]:
         elif function.links_only:
             yield f"{INDENT}result = {value}"
             value = f"result._replace({function.links_only}=self._of_links(result.{function.links_only}))"
-        yield f"{INDENT}return self._checked({_name(function)}, {value}, status, with_status)"
+        yield f"{INDENT}return self._check_status({_name(function)}, {value}, status, with_status)"
     elif function.result and function.links_only:
         yield f"{INDENT}result = {function.result}(*{results})"
         yield f"{INDENT}return result._replace({function.links_only}=self._of_links(result.{function.links_only}))"
@@ -265,7 +265,7 @@ def _evaluation(function: ModelFunction) -> str:
         engine = "self.engine" if function.group in ALWAYS and not function.on_demand else f"self._with({name}).engine"
         return f"{engine}.call({name}, ({values.rstrip(' ')}))"
     values = ", ".join(f"{q.name!r}: {_value(function, q)}" for q in inputs)
-    return f"self._named({name}, {{{values}}}{given})"
+    return f"self._evaluate_by_name({name}, {{{values}}}{given})"
 
 
 def _name(function: ModelFunction) -> str:
@@ -284,7 +284,7 @@ def _value(function: ModelFunction, q: ArgumentKind) -> str:
     if q.optional:
         return f"*self._loads({function.name!r}, {q.name})"
     if q.for_drives is not None:
-        return f"self._lengthened({function.name!r}, {q.name}, {q.for_drives!r})"
+        return f"self._append_drive_values({function.name!r}, {q.name}, {q.for_drives!r})"
     return q.name
 
 

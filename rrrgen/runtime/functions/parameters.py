@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from rrrgen.derive.functions.friction import friction_parameters
 from rrrgen.program import Port, Role
 from rrrgen.robot.model.drives import DriveTerm, drive_terms
-from rrrgen.runtime.arguments import joined, prepare, read_only
+from rrrgen.runtime.arguments import join_parameters, prepare, read_only
 from rrrgen.runtime.functions.calls import Array, Calls
 from rrrgen.runtime.functions.table_functions import TableFunctions
 from rrrgen.runtime.regressor_columns import drive_columns
@@ -53,7 +53,8 @@ class ParameterFunctions(Calls):
         sizes = (10 * links, self.drive_inertia.size)
         return self._of_links(
             self._call(
-                "base_parameters", joined("base_parameters", self.engine.dtype, values, self.drive_inertia, sizes)
+                "base_parameters",
+                join_parameters("base_parameters", self.engine.dtype, values, self.drive_inertia, sizes),
             )
         )
 

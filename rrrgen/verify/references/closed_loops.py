@@ -64,7 +64,7 @@ class LoopSolver:
             self._refine(x)
         return np.asarray(x[0])
 
-    def _followed(self, q: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def _follow(self, q: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Follow the loops in small steps from the start to the drive positions ``q`` (N, n).
 
         Returns the positions x (N, n + p) of all rows, rad or m, and a mask (N,) of the states that were reached
@@ -85,7 +85,7 @@ class LoopSolver:
 
     def _solve(self, q: Array) -> tuple[Array, NDArray[np.bool_]]:
         if self._chain.loops[0].start:
-            return self._followed(q)
+            return self._follow(q)
         rng = np.random.default_rng(0)
         x = np.concatenate([q, np.zeros((len(q), len(self._passive)))], axis=1)
         waiting = np.arange(len(q))
@@ -148,8 +148,8 @@ class LoopSolver:
 
     def _pin(self, row: int, place: NDArray[Any], frames: Array) -> Array:
         T = self._chain.base if row < 0 else frames[:, row]
-        found = T[..., :3, :3] @ place + T[..., :3, 3]
-        return np.asarray(np.broadcast_to(found, (len(frames), 3)), dtype=np.float64)
+        points = T[..., :3, :3] @ place + T[..., :3, 3]
+        return np.asarray(np.broadcast_to(points, (len(frames), 3)), dtype=np.float64)
 
     def _ends(self, loop: NumericLoop, frames: Array) -> tuple[tuple[int, Array], tuple[int, Array]]:
         """The row of each of the two links that a pin joins, and the place of the pin on it (N, 3) in the base frame.
@@ -183,17 +183,17 @@ class LoopSolver:
             side = np.sign(self._volumes(self._start[None]))
             return np.repeat(side * self._volumes(x)[:, None], len(self._chain.loops), axis=1)
         frames = self._tree.link_frames(x)
-        found = []
+        sines = []
         for loop in self._chain.loops:
             if not all(self._chain.revolute[row] for row in loop.passive):
-                found.append(loop.assembly * self._beside_slide(loop, frames))
+                sines.append(loop.assembly * self._beside_slide(loop, frames))
                 continue
             a, b, c = (np.einsum("nij,nj->ni", self._across(loop, frames), p) for p in self._corners(loop, frames))
             one, other = b - a, c - b
             turn = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
             lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
-            found.append(-loop.assembly * turn / lengths)  # the middle pin on the left turns right
-        return np.stack(found, axis=1)
+            sines.append(-loop.assembly * turn / lengths)  # the middle pin on the left turns right
+        return np.stack(sines, axis=1)
 
     def _volumes(self, x: Array) -> Array:
         """The volume (N,) that unit vectors along the columns of the Jacobian of all gaps by passive rows span."""
@@ -213,7 +213,7 @@ class LoopSolver:
         bar = np.einsum("nij,nj->ni", between, pin - self._pin(turning, self._pivots[turning], frames))
         axis = np.einsum("nij,nj->ni", between, self._axis(slide, frames))
         axis = -axis if slide in self._chain.path(turning) else axis
-        column = self._chain.n + [row for each in self._chain.loops for row in each.passive].index(slide)
+        column = self._chain.n + [row for chain_loop in self._chain.loops for row in chain_loop.passive].index(slide)
         sense = np.sign(self._chain.coupling[slide, column])
         return np.asarray(sense * np.sum(bar * axis, axis=1) / np.linalg.norm(bar, axis=1))
 

@@ -25,7 +25,7 @@ def sliding(friction: FrictionSpec | None, v: Array, width: float = 0.0, load: A
     return np.asarray(_law(friction.law, v, s, v * s, load) + offset)
 
 
-def changed(friction: FrictionSpec) -> FrictionSpec:
+def change_parameters(friction: FrictionSpec) -> FrictionSpec:
     """Change the parameters of a law to other values, none of them zero."""
     if friction.law is None:
         known = (friction.viscous, friction.coulomb, friction.offset)
@@ -58,7 +58,7 @@ def has_load(friction: FrictionSpec | None) -> bool:
     return friction is not None and friction.law is not None and friction.law.name.endswith("load_dependent")
 
 
-def stepped(
+def integrate(
     friction: FrictionSpec, v: Array, z: Array, period: float, load: Array | float = 0.0
 ) -> tuple[Array, Array]:
     """Integrate a law over one ``period`` (s) at the constant speeds ``v`` (N,) from the states ``z`` (N,).
@@ -71,13 +71,13 @@ def stepped(
     if law.name == "lugre":
         sigma0, sigma1, excess, coulomb, viscous, speed = p
         level = (coulomb + excess * np.exp(-((v / speed) ** 2))) / sigma0
-        after = _relaxed(z, level * np.sign(v), np.abs(v) / level * period)
+        after = _relax(z, level * np.sign(v), np.abs(v) / level * period)
         return after, sigma0 * after + sigma1 * (after - z) / period + viscous * v + offset
-    after = _relaxed(z, p[-1] * np.sign(v), np.abs(v) / p[-1] * period)
+    after = _relax(z, p[-1] * np.sign(v), np.abs(v) / p[-1] * period)
     return after, np.asarray(_law(law, v, after / p[-1], np.abs(v), load) + offset)
 
 
-def _relaxed(z: Array, final: Array, decay: Array) -> Array:
+def _relax(z: Array, final: Array, decay: Array) -> Array:
     return final + (z - final) * np.exp(-decay)
 
 

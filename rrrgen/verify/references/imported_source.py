@@ -70,8 +70,8 @@ def compare_with_source(imported: Imported, seed: int = SEED) -> SourceCompariso
     pose = float(np.abs(poses - ours.forward_kinematics(q)).max()) / reach
     for tip, link in imported.chain.tips.items():
         of_tip = _SOURCES[imported.format](imported.source, replace(imported.chain, tip=link))
-        found = NewtonEuler(chain_of(spec.at_tip(tip)), ours.phi).forward_kinematics(q)
-        pose = max(pose, float(np.abs(np.stack([of_tip.pose(state) for state in y]) - found).max()) / reach)
+        tip_poses = NewtonEuler(chain_of(spec.at_tip(tip)), ours.phi).forward_kinematics(q)
+        pose = max(pose, float(np.abs(np.stack([of_tip.pose(state) for state in y]) - tip_poses).max()) / reach)
     if phi is None:
         return SourceComparison(source.name, pose, None, "the chain has no inertia")
     torques = np.stack([source.torque(*state) for state in zip(y, dq @ S.T, ddq @ S.T, strict=True)]) @ S

@@ -69,7 +69,7 @@ class ClosedReference:
     """
 
     def __init__(self, library: Library, chain: NumericRobot, phi: Array) -> None:
-        tree = chain.opened()
+        tree = chain.spanning_tree()
         self._tree, self._drive_inertia = library(tree, phi), chain.drive_inertia
         self._loops = LoopSolver(chain, NewtonEuler(tree, phi))
         self.name = self._tree.name

@@ -113,7 +113,7 @@ class NewtonEuler:
         self.axes = [self._axis(i) for i in range(chain.links)]
         self.loops: LoopSolver | None = None
         if chain.loops:
-            self.loops = LoopSolver(chain, NewtonEuler(chain.opened(), phi))
+            self.loops = LoopSolver(chain, NewtonEuler(chain.spanning_tree(), phi))
 
     def _axis(self, i: int) -> tuple[Array, Array]:
         """Motion subspace of joint i in link frame i: (angular, linear), constant."""
@@ -167,8 +167,8 @@ class NewtonEuler:
     def link_jacobians(self, q: Array) -> Array:
         """The Jacobians J_i (N, n, 6, n) of the origins of the link frames in the base frame, linear rows first."""
         frames = self.link_frames(q)
-        each = [self.point_jacobian(frames, q, i, frames[:, i, :3, 3]) for i in range(self.chain.links)]
-        return np.stack(each, axis=1)
+        jacobians = [self.point_jacobian(frames, q, i, frames[:, i, :3, 3]) for i in range(self.chain.links)]
+        return np.stack(jacobians, axis=1)
 
     def point_jacobian(self, frames: Array, q: Array, link: int, point: Array) -> Array:
         """The Jacobian J (N, 6, n) of a point (N, 3) that is fixed to ``link``, in the base frame.

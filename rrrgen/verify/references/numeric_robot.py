@@ -64,7 +64,7 @@ class NumericRobot:
         """Number n of joint positions q."""
         return int(self.coupling.shape[1]) - 2 * len(self.loops)
 
-    def opened(self) -> NumericRobot:
+    def spanning_tree(self) -> NumericRobot:
         """The tree without the pins of its loops, whose passive rows have positions of their own; without drives."""
         count = self.coupling.shape[1]
         passive = tuple(self.revolute[row] for loop in self.loops for row in loop.passive)
@@ -179,12 +179,12 @@ def _drive_inertia(spec: RobotSpec) -> Array:
 
     Coupled motors turn at their gear ratios times the speeds ``dq_m`` with ``S dq_m = dq``, S the coupling matrix.
     """
-    own = [0.0 if j.drive is None or j.drive.inertia is None else float(j.drive.inertia) for j in spec.joints]
+    inertias = [0.0 if j.drive is None or j.drive.inertia is None else float(j.drive.inertia) for j in spec.joints]
     if spec.drives is None:
-        return np.diag(own)
+        return np.diag(inertias)
     rotors = [0.0 if motor.inertia is None else float(motor.inertia) for motor in spec.drives.motors]
     speeds = motor_speeds(spec, np.eye(spec.n))  # row k: the speeds of all motors while only joint k moves, at speed 1
-    return np.asarray(np.diag(own) + (speeds * rotors) @ speeds.T)
+    return np.asarray(np.diag(inertias) + (speeds * rotors) @ speeds.T)
 
 
 def motor_speeds(spec: RobotSpec, dq: Array) -> Array:

@@ -28,7 +28,7 @@ from rrrgen.emit.html import html_report
 from rrrgen.emit.html.mathml import MathmlMarkup
 from rrrgen.emit.html.scene import Illustration, PlayedMotion, scene
 from rrrgen.emit.html.sketch import HEIGHT, WIDTH, frame_sketch, zero_pose
-from rrrgen.emit.html.tables import dh_exact, dh_numbers, stated
+from rrrgen.emit.html.tables import dh_exact, dh_numbers, robot_file_tables
 from rrrgen.emit.latex.equations import latex
 from rrrgen.emit.latex.formulas import Walk
 from rrrgen.ik.geometry.chain import numeric_chain
@@ -276,7 +276,7 @@ def test_a_mechanism_is_shown_with_its_branches_and_couplings() -> None:
     assert table.headings[3] == "on"
     assert [row[3] for row in table.rows] == ["base", "column", "column", "elbow", "shoulder", "forearm", "wrist"]
     assert [row[4] for row in dh_numbers(spec, in_degrees=True).rows][3:5] == ["q2 − q3 − 90", "−q2 + q3 + 90"]
-    assert [row[0] for row in dict(stated(spec))["Limits of the joints"].rows] == [
+    assert [row[0] for row in dict(robot_file_tables(spec))["Limits of the joints"].rows] == [
         "column",
         "shoulder",
         "elbow",

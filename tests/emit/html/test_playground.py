@@ -20,7 +20,7 @@ import pytest
 
 from rrrgen import compile
 from rrrgen.cli.playground import POLICY, build, compiler_files, server
-from rrrgen.emit.html.playground import LARGEST, check, picture, prepared, results
+from rrrgen.emit.html.playground import LARGEST, check, picture, precompute, results
 from rrrgen.robot.robots import bundled_path
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -224,7 +224,7 @@ def test_the_module_of_the_live_values(tmp_path: Path) -> None:
 
 
 def test_bundled_robots_are_prepared() -> None:
-    robot = prepared(bundled_path("rrr").read_text(encoding="utf-8"))
+    robot = precompute(bundled_path("rrr").read_text(encoding="utf-8"))
     assert robot["check"]["faults"] == []
     assert robot["picture"]["scene"]["name"] == "rrr"
     assert "shoulder" in robot["results"]["inverse_kinematics"]

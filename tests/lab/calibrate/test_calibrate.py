@@ -195,7 +195,7 @@ def test_command(tmp_path):
     spec, random = load_spec("rrr"), np.random.default_rng(0)
     nominal = geometry_of(spec)
     entries = minimal_set(nominal, "point").kept
-    true = nominal.moved(entries, random.normal(size=len(entries)) * 1e-3)
+    true = nominal.with_step(entries, random.normal(size=len(entries)) * 1e-3)
     p = measure("point", true, q, random).values
     rows = "\n".join(",".join(f"{x!r}" for x in map(float, [*a, *b])) for a, b in zip(q, p, strict=True))
     (tmp_path / "m.csv").write_text(f"q1,q2,q3,x,y,z\n{rows}\n")

@@ -27,7 +27,7 @@ def test_geometry_is_that_of_the_robot_file(name):
     np.testing.assert_allclose(geometry.forward(q), reference.forward_kinematics(q), atol=1e-14)
     entries = geometry.entries()
     J, step = geometry.jacobian(q, entries), np.random.default_rng(1).normal(size=len(entries)) * 1e-6
-    after, before = geometry.moved(entries, step).forward(q), geometry.moved(entries, -step).forward(q)
+    after, before = geometry.with_step(entries, step).forward(q), geometry.with_step(entries, -step).forward(q)
     np.testing.assert_allclose((after - before)[:, :3, 3] / 2, J[:, :3] @ step, atol=1e-14)
     turned = after[:, :3, :3] @ np.swapaxes(before[:, :3, :3], 1, 2)
     np.testing.assert_allclose(rotation_vectors(turned) / 2, J[:, 3:] @ step, atol=1e-14)
@@ -98,7 +98,7 @@ def test_the_chain_of_a_parallelogram_is_calibrated_in_positions_of_its_drives()
     assert np.abs(reference.forward_kinematics(away) - found.geometry.forward(away)).max() < 1e-9
     # crank and rod stay at the arm: with a table that is hardly off, all torques are those of the robot file
     same = geometry_of(spec)
-    same = same.moved(same.entries(), np.full(len(same.entries()), 1e-5))
+    same = same.with_step(same.entries(), np.full(len(same.entries()), 1e-5))
     same = loads_spec(dumps(calibrated_spec(spec, same, "measured")))
     assert abs(float(same.joints[1].d)) > 1e3
     still = np.zeros_like(away)
@@ -112,7 +112,7 @@ def test_the_chain_of_a_parallelogram_is_calibrated_in_positions_of_its_drives()
 def test_a_branch_that_cannot_follow_is_named():
     spec = load_spec(PALLETISER)
     geometry = geometry_of(spec)
-    moved = geometry.moved([entry for entry in geometry.entries() if entry.key == "beta"], np.full(2, 1e-3))
+    moved = geometry.with_step([entry for entry in geometry.entries() if entry.key == "beta"], np.full(2, 1e-3))
     modified = replace(spec, convention="modified")
     with pytest.raises(DerivationError, match="elbow branches off in a table of the modified convention"):
         calibrated_spec(modified, moved, "measured")

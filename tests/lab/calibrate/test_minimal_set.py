@@ -38,7 +38,7 @@ def sets(geometry, count):
     q = np.random.default_rng(0).uniform(-2, 2, (60, geometry.joints))
     p = geometry.forward(q)[:, :3, 3]
     for each in FIXTURES[: count - len(found)]:
-        values = each.computed(p)[:, 0] if each.kind == "wire" else np.zeros(60)
+        values = each.predict(p)[:, 0] if each.kind == "wire" else np.zeros(60)
         seen = Measurements(each.kind, q, values, 1.0, 1.0, fixture=np.zeros(60, int), names=(each.name,))
         found.append(minimal_set(replace(geometry, fixtures=(each,)), seen))
     return found

@@ -24,7 +24,7 @@ def test_the_robot_file_has_the_calibrated_geometry_and_the_same_bodies(name):
     spec, random = load_spec(name), np.random.default_rng(6)
     geometry = geometry_of(spec)
     entries = minimal_set(geometry, "pose").kept
-    moved = geometry.moved(entries, random.normal(size=len(entries)) * 1e-3)
+    moved = geometry.with_step(entries, random.normal(size=len(entries)) * 1e-3)
     again = loads_spec(dumps(calibrated_spec(spec, moved, "test")))
     q = positions(spec, 20, random)
     found = NewtonEuler(chain_of(again), nominal_parameters(again))

@@ -61,7 +61,7 @@ def test_calibrate_generate_compile_and_call_with_nominal_first(tmp_path):
     (tmp_path / "robot.yaml").write_text(dumps(spec))
     nominal = geometry_of(spec)
     entries = minimal_set(nominal, "pose").kept
-    true = nominal.moved(entries, random.normal(size=len(entries)) * 3e-4)
+    true = nominal.with_step(entries, random.normal(size=len(entries)) * 3e-4)
     q = positions(spec, 30, random)
     write(tmp_path / "poses.csv", poses_as_columns(q, measure("pose", true, q, random).values))
     run("calibrate", tmp_path / "robot.yaml", "--poses", tmp_path / "poses.csv", "-o", tmp_path / "calibrated.yaml")

@@ -34,7 +34,7 @@ def off_the_table(spec, random, frames: float = FRAMES, gains: bool = False) -> 
     nominal = nominal.with_gains() if gains else nominal
     entries = nominal.entries()
     steps = [random.normal() * (ROWS if entry.place in ("row", "gain") else frames) for entry in entries]
-    return nominal, nominal.moved(entries, np.array(steps))
+    return nominal, nominal.with_step(entries, np.array(steps))
 
 
 def measure(kind, true: Geometry, q, random, outliers: int = 0) -> Measurements:

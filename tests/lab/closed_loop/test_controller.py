@@ -11,7 +11,7 @@ from scipy.io import savemat
 
 import rrrgen
 from rrrgen.base.errors import InputError
-from rrrgen.lab.closed_loop.controller import Operation, filtered, load_controller, loads_controller
+from rrrgen.lab.closed_loop.controller import Operation, filter_operation, load_controller, loads_controller
 from rrrgen.lab.closed_loop.validation import validate_loop
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import open_log
@@ -68,9 +68,9 @@ def test_every_fault_is_reported_at_once_in_its_place():
 
 def test_differences_and_averages_are_filters():
     signals = loads_controller(CONTROLLER).joints[0].signals
-    assert signals["averaged"] == filtered("position", (0.5, 0.5))
-    assert signals["speed"] == filtered("averaged", (1000.0, -1000.0))
-    assert signals["late"] == filtered("volts", (0.0, 1.0))
+    assert signals["averaged"] == filter_operation("position", (0.5, 0.5))
+    assert signals["speed"] == filter_operation("averaged", (1000.0, -1000.0))
+    assert signals["late"] == filter_operation("volts", (0.0, 1.0))
 
 
 def test_an_integral_has_a_gain_and_limits():
@@ -88,7 +88,7 @@ def test_signals_beside_the_joints_hold_for_all_of_them():
 
 
 def test_settling_counts_the_slowest_pole():
-    slow = filtered("position", (0.1,), (1.0, -0.9))
+    slow = filter_operation("position", (0.1,), (1.0, -0.9))
     text = "schema: rrrgen-controller/1\nrate: 1 kHz\nsignals: {u: {filter: position, numerator: [0.1], "
     found = loads_controller(text + "denominator: [1, -0.9]}}\ntorque: u\njoints: [one]\n")
     assert found.joints[0].signals["u"] == slow

@@ -14,7 +14,7 @@ from rrrgen.lab.closed_loop.controller import loads_controller
 from rrrgen.lab.closed_loop.joint_friction import refine
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.friction.candidate_laws import Candidate
-from rrrgen.lab.friction.estimation import FrictionEstimate, LawEstimate, LawScore, reported
+from rrrgen.lab.friction.estimation import FrictionEstimate, LawEstimate, LawScore, reported_values
 from rrrgen.lab.friction.joint_recording import joint_data
 from rrrgen.robot.file import load_spec
 from rrrgen.robot.friction.laws import LAWS
@@ -107,7 +107,7 @@ def test_bristles_are_simulated_and_found():
     actual = np.array([truth.inertia, truth.gravity, 0.0, sigma0, sigma1, *(TRUTH.excess, TRUTH.coulomb)])
     actual = np.append(actual, [TRUTH.viscous, TRUTH.speed, 1.0])
     start = actual * np.array([1.02, 0.99, 1.0, 0.7, 1.4, 0.9, 1.03, 0.95, 1.1, 1.0])
-    values = reported(candidate, start, 1e-3)
+    values = reported_values(candidate, start, 1e-3)
     score = LawScore("lugre", len(start), 1.0, 0.0, np.ones(1))
     law = LawEstimate(candidate, start, values, dict.fromkeys(values, 0.0), score, values, 0.0)
     fit = refine(FrictionEstimate(joint_data(log, "q"), (law,), law, 1.0, 1), log, loads_controller(CONTROLLER))

@@ -146,7 +146,7 @@ def test_a_torque_constant_and_a_delay_are_corrected_by_the_mapping(tmp_path):
     table = np.column_stack([t, t, recorded])
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="q_a,q_b,tau_a,tau_b", comments="")
     (part,) = LogStream(open_log(tmp_path / "log.yaml")).parts()
-    aligned = part.aligned()
+    aligned = part.align_torques()
     inside = aligned.valid.all(axis=1)
     assert inside.sum() == len(t) - 3
     np.testing.assert_allclose(aligned.tau[inside], tau[inside], atol=1e-12)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rrrgen.lab.estimate.linear import project, scaled, solve
+from rrrgen.lab.estimate.linear import project, scale_columns, solve
 
 UNITS = np.array([1e-9, 1.0, 3e7, 1e3])
 
@@ -18,7 +18,7 @@ def system(seed: int, rows: int = 30) -> tuple[np.ndarray, np.ndarray]:
 def test_scaled_columns_have_length_1():
     A, _ = system(0)
     A[:, 2] = 0.0
-    B, size = scaled(A)
+    B, size = scale_columns(A)
     assert np.linalg.norm(B, axis=0) == pytest.approx([1.0, 1.0, 0.0, 1.0], rel=1e-15)
     assert size[2] == 1.0
     assert B * size == pytest.approx(A, rel=1e-15)
@@ -37,7 +37,7 @@ def test_solution_residual_and_covariance(seed):
     inverse = np.linalg.inv(R)
     scale = np.sqrt(np.outer(np.diag(inverse @ inverse.T), np.diag(inverse @ inverse.T)))
     assert fit.covariance / scale == pytest.approx(inverse @ inverse.T / scale, abs=1e-12)
-    assert fit.condition == pytest.approx(np.linalg.cond(scaled(A)[0]), rel=1e-12)
+    assert fit.condition == pytest.approx(np.linalg.cond(scale_columns(A)[0]), rel=1e-12)
 
 
 def test_solution_does_not_depend_on_units():
@@ -51,8 +51,8 @@ def test_dependent_columns_are_named_and_kept_out():
     A[:, 3] = A[:, 0] * 1e9 - 2.0 * A[:, 1]
     fit = solve(A, y)
     assert (fit.rank, fit.condition, fit.weak.shape) == (3, np.inf, (1, 4))
-    assert scaled(A)[0] @ fit.weak[0] == pytest.approx(np.zeros(30), abs=1e-14)
-    assert fit.weak[0] @ (fit.x * scaled(A)[1]) == pytest.approx(0.0, abs=1e-12)  # the shortest solution
+    assert scale_columns(A)[0] @ fit.weak[0] == pytest.approx(np.zeros(30), abs=1e-14)
+    assert fit.weak[0] @ (fit.x * scale_columns(A)[1]) == pytest.approx(0.0, abs=1e-12)  # the shortest solution
     assert fit.residual(y) == pytest.approx(solve(A[:, :3], y).residual(y), abs=1e-13)
 
 

@@ -54,5 +54,5 @@ def truth(found, design, frequency, run=0):
 
 
 def record(signals, period=1e-3):
-    rows = signals.settled()
+    rows = signals.settled_rows()
     return ResponseRecording(signals.run.name, period, *rows[:, 1:4].T)

@@ -14,7 +14,7 @@ from rrrgen.cli.main import cli
 from rrrgen.lab.data.recordings import read_log
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.lab.experiment.experiment_file import Experiment, loads_experiment
-from rrrgen.lab.experiment.loop_design import BANDWIDTH, MARGIN, NOISE, SLOWEST, checked, design_loop
+from rrrgen.lab.experiment.loop_design import BANDWIDTH, MARGIN, NOISE, SLOWEST, check_loop, design_loop
 from rrrgen.lab.experiment.setup import arm_of, simulate_motion
 from rrrgen.robot.file import bundled_path, loads_spec
 
@@ -90,7 +90,7 @@ def test_the_loop_of_a_new_arm_follows_and_a_slow_observer_does_not(demo) -> Non
     arm = arm_of(experiment, model, motion.evaluate, 2.0)
     loop = design_loop(arm, experiment.control)
     recording, _ = simulate_motion(experiment, model, motion.evaluate, 2.0, loop=loop)
-    assert checked(recording, arm, loop).ok
+    assert check_loop(recording, arm, loop).ok
     assert np.all(np.abs(recording.held).max(axis=0) < 1.5 * arm.load)  # the arm starts with a deviation: it overshoots
     slow = loads_experiment("schema: rrrgen-experiment/1\ncontrol: {bandwidth: 4, jerk: 20}\n", 3, "slow.yaml")
     unstable = design_loop(arm, slow.control)
@@ -102,7 +102,7 @@ def test_the_loop_of_a_new_arm_follows_and_a_slow_observer_does_not(demo) -> Non
     assert "without them: PD control of " in warning.hint
     assert "modulus margin 0.5" in warning.hint
     recording, _ = simulate_motion(slow, model, motion.evaluate, 2.0, loop=unstable)
-    tracking = checked(recording, arm, unstable)
+    tracking = check_loop(recording, arm, unstable)
     assert not tracking.ok
     assert {swing.joint for swing in tracking.oscillations} >= {1, 2}
     # the loop of the posture in which it swings: within a factor of two of that of the worst posture
@@ -127,7 +127,7 @@ def test_joints_get_the_bandwidth_that_their_load_needs_as_far_as_the_margin_las
     poses = motion.evaluate(np.linspace(0.0, 4.0, 101))[0]
     assert growing(model, loop, poses, experiment.period) < 1.0
     recording, _ = simulate_motion(experiment, model, motion.evaluate, 4.0, loop=loop)
-    tracking = checked(recording, arm, loop)
+    tracking = check_loop(recording, arm, loop)
     assert tracking.ok
     assert np.all(np.array(tracking.deviation) < 0.1 * np.array(tracking.span))
 
@@ -265,7 +265,7 @@ def test_recorded_commands_act_half_a_sample_after_their_row(tmp_path) -> None:
     mapping = recorded("planar2r", tmp_path, "command", 0.0)
     assert "torque_delay: 0.001 s\n" in mapping.read_text()
     (part,) = read_log(mapping).parts()
-    aligned, centred = part.aligned(), read_log(recorded("planar2r", tmp_path, "centred", 0.0))
+    aligned, centred = part.align_torques(), read_log(recorded("planar2r", tmp_path, "centred", 0.0))
     np.testing.assert_allclose(aligned.tau[1:], centred.tau[1:], rtol=1e-12, atol=1e-12)
     assert aligned.valid[1:].all()
     assert not aligned.valid[0].any()  # nothing is known of the torque before the first row
@@ -315,7 +315,7 @@ def test_joints_whose_inertia_changes_too_much_for_pd_control_get_computed_torqu
     assert loop.lines()[0].startswith("computed torque of 4 Hz")
     assert loop.lines()[1].startswith("not PD control: with this margin it would have ")
     recording, _ = simulate_motion(experiment, model, motion.evaluate, 5.0, loop=loop)
-    assert checked(recording, arm, loop).ok
+    assert check_loop(recording, arm, loop).ok
     pd = loads_experiment("schema: rrrgen-experiment/1\ncontrol: {kind: pd}\n", 2, "pd.yaml")
     stated = design_loop(arm, pd.control)
     assert stated.instead is None

@@ -112,7 +112,7 @@ def test_time_and_dissipated_energy_are_told_apart_where_the_motion_slows_down(s
     assert drift.viscous == pytest.approx(-0.35 * 0.8, abs=0.06)
     assert drift.coulomb == pytest.approx(-0.35 * 1.2, abs=0.06)
     assert ("with the energy that it has dissipated" in drift.sentence) == (over == "energy")
-    again = friction_drift(drift.removed(data), 2, 0.0)
+    again = friction_drift(drift.remove_from(data), 2, 0.0)
     assert abs(again.viscous) < 0.05
     assert abs(again.coulomb) < 0.05
 

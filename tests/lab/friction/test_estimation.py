@@ -12,7 +12,7 @@ from lab.friction.independent import LIMITS
 from lab.friction.logs import write_log
 from rrrgen.cli.main import run
 from rrrgen.lab.friction.candidate_laws import candidates
-from rrrgen.lab.friction.estimation import LawEstimate, LawScore, choose, notes, reported
+from rrrgen.lab.friction.estimation import LawEstimate, LawScore, choose, notes, reported_values
 from rrrgen.robot.file import load_spec
 from rrrgen.robot.friction.laws import LAWS
 from samples.stick_slip_joint import Joint, bristles, multisine, record
@@ -109,7 +109,7 @@ def test_of_equally_many_parameters_the_criterion_decides():
 )
 def test_models_that_are_the_same_and_a_poor_fit_are_named(gravity, law, theta, held_out, told):
     law, theta = candidates(gravity)[law], np.array(theta)
-    values, rating = reported(law, theta, 1e-3), LawScore(law.name, len(theta), held_out, 0.0, np.ones(1))
-    chosen = LawEstimate(law, law.settled(theta), values, dict.fromkeys(values, 1e-3), rating, values, 0.01)
+    values, rating = reported_values(law, theta, 1e-3), LawScore(law.name, len(theta), held_out, 0.0, np.ones(1))
+    chosen = LawEstimate(law, law.balance_coulomb(theta), values, dict.fromkeys(values, 1e-3), rating, values, 0.01)
     found = notes(chosen, SimpleNamespace(speed=1.0))
     assert [part in note for part, note in zip(told, found, strict=True)] == [True] * len(told), found

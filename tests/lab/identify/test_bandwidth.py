@@ -50,7 +50,7 @@ def test_rows_come_at_ten_times_the_bandwidth_whatever_the_rate_of_the_recording
 def test_filters_do_not_look_at_held_out_data(split):
     log = recording(200.0)
     chosen = Split.parse(split)
-    held_out = ~chosen.fitted(log.t, *log.span)
+    held_out = ~chosen.is_fitted(log.t, *log.span)
     spoiled = log.q + held_out[:, None] * np.sin(2 * np.pi * 30 * log.t)[:, None]
     other = Log(log.joints, log.t, spoiled, log.tau, period=log.period)
     for processing in (Processing(), Processing("butterworth")):
@@ -133,32 +133,32 @@ def test_a_guard_band_keeps_either_part_out_of_the_others_rows(found):
     log, split = recording(noise=0.0), Split.parse("blocks:2")
     assert found.split.guard == reach(found.tuning)
     assert 0.05 < found.split.guard < 0.2  # 20 Hz: some cycles
-    held_out = ~split.fitted(log.t, *log.span)
+    held_out = ~split.is_fitted(log.t, *log.span)
     maker = RowMaker(FullRegressor(planar_arm(), TERMS), found.processing, 10)
     stepped = Log(log.joints, log.t, log.q, 0 * log.tau + held_out[:, None], period=log.period)
     rows = list(Observations((stepped,), maker))
     t, tau = (np.concatenate([getattr(part, name) for part in rows]) for name in ("t", "tau"))
-    largest = [np.abs(tau[used.fitted(t, *log.span)]).max() for used in (split, found.split)]
+    largest = [np.abs(tau[used.is_fitted(t, *log.span)]).max() for used in (split, found.split)]
     assert largest[0] > 0.4
     assert largest[1] < 0.05
     counts = [factor_recordings(Observations((log,), maker), used) for used in (split, found.split)]
     assert np.all(counts[1].fit.counts < counts[0].fit.counts)
     assert np.all(counts[1].score.counts < counts[0].score.counts)
     with pytest.raises(InputError, match="leave nothing between guard bands"):
-        Split.parse("blocks:0.1").guarded(0.06)
+        Split.parse("blocks:0.1").with_guard(0.06)
 
 
 def test_guard_bands_lie_at_borders_and_at_no_end():
     t = np.arange(0, 10, 0.01) + 5.0
-    split = Split.parse("blocks:2.5").guarded(0.1)
+    split = Split.parse("blocks:2.5").with_guard(0.1)
     between = t[split.between(t, 5.0, 10.0)] - 5.0
     np.testing.assert_allclose([between.min(), between.max()], [2.41, 7.59], atol=0.011)
-    parts = np.stack([f(t, 5.0, 10.0) for f in (split.fitted, split.scored, split.between)])
+    parts = np.stack([f(t, 5.0, 10.0) for f in (split.is_fitted, split.is_scored, split.between)])
     assert np.all(parts.sum(axis=0) == 1)
-    first = Split.parse("first:0.6").guarded(0.1)
+    first = Split.parse("first:0.6").with_guard(0.1)
     assert "0.1 s on either side" in str(first)
     assert np.sum(first.between(t, 5.0, 10.0)) == pytest.approx(20, abs=1)
-    assert Split().guarded(0.1) == Split()
+    assert Split().with_guard(0.1) == Split()
 
 
 def test_the_command_line_uses_one_rule_and_stores_it(tmp_path):

@@ -22,14 +22,14 @@ def test_cross_validation_is_the_error_of_each_part_predicted_by_the_others(plan
     W = FullRegressor(planar, TERMS)(log.q, log.dq, log.ddq)
     start, duration = log.span
     for k, (score,) in enumerate(result.parts):
-        out = Split("fold", k + 1.0, parts=5).scored(log.t, start, duration)
+        out = Split("fold", k + 1.0, parts=5).is_scored(log.t, start, duration)
         x = np.linalg.lstsq(W[~out].reshape(-1, W.shape[-1]), log.tau[~out].ravel(), rcond=None)[0]
         error = log.tau[out] - W[out] @ x
         assert score.relative_error == pytest.approx(np.linalg.norm(error) / np.linalg.norm(log.tau[out]), rel=1e-6)
         assert score.joint_rms == pytest.approx(np.sqrt(np.mean(error**2, axis=0)), rel=1e-6)
     errors = [score.joint_rms[1] for (score,) in result.parts]
     assert errors[4] > 2 * max(errors[:4])
-    total, joints = result.pooled(0)
+    total, joints = result.pooled_errors(0)
     assert total == pytest.approx(
         np.sqrt(np.sum((joints * np.linalg.norm(log.tau, axis=0)) ** 2)) / np.linalg.norm(log.tau)
     )

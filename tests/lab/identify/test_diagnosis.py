@@ -14,7 +14,7 @@ from rrrgen.lab.data.mapping import loads_mapping
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log, open_log
 from rrrgen.lab.data.uniform_stream import LogStream
-from rrrgen.lab.identify.diagnosis.causes import Wording, merged
+from rrrgen.lab.identify.diagnosis.causes import Wording, merge_causes
 from rrrgen.lab.identify.diagnosis.report import diagnose_fit, diagnose_recordings
 from rrrgen.lab.identify.identification import Options, identify
 from rrrgen.lab.identify.parameters import DriveTerms
@@ -64,7 +64,7 @@ def causes(arm, log, terms=None, processing=None):
     chosen = DriveTerms.everywhere(arm.n, "viscous", "coulomb") if terms is None else terms
     options = Options(terms=chosen, consistent=False, poses=10)
     found = identify(arm, [log], processing or Processing("butterworth", cutoff=25.0, decimate=5), options)
-    return merged([*diagnose_recordings(arm.spec, [log]), *diagnose_fit(arm, [log], found)])
+    return merge_causes([*diagnose_recordings(arm.spec, [log]), *diagnose_fit(arm, [log], found)])
 
 
 def told(found):
@@ -263,7 +263,7 @@ def test_remedies_are_lines_of_the_mapping_file():
     words = Wording(("q1", "q2"), (True, True), loads_mapping(MAPPING, "log.yaml"))
     assert words.wrong_sign(["position"], 0).remedy == "joint q1: position: {column: enc_1, sign: 1}, in log.yaml"
     assert words.wrong_unit("position", [0, 1], 180 / np.pi).remedy == "units: {position: rad}, in log.yaml"
-    assert words.swapped("torque", 0, 1).remedy == (
+    assert words.exchanged_columns("torque", 0, 1).remedy == (
         "joint q1: torque: {column: i_2}; joint q2: torque: {column: i_1}, in log.yaml"
     )
     assert words.clock(1e3).remedy == "time: {column: t, unit: s}, in log.yaml"

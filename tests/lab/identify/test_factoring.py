@@ -58,7 +58,7 @@ def test_scores_are_those_of_the_rows(tmp_path):
     found = score(factors.score, x)
     assert found["relative_error"] == pytest.approx(np.linalg.norm(residual[second]) / np.linalg.norm(tau[second]))
     np.testing.assert_allclose(found["joint_rms"], np.sqrt(np.mean(residual[second] ** 2, axis=0)))
-    assert score(factor_rows(rows[0].chosen(np.zeros(len(rows[0].t), bool))), x)["relative_error"] is None
+    assert score(factor_rows(rows[0].use_only(np.zeros(len(rows[0].t), bool))), x)["relative_error"] is None
 
 
 def test_several_recordings_do_not_run_into_one_another(tmp_path):
@@ -68,7 +68,7 @@ def test_several_recordings_do_not_run_into_one_another(tmp_path):
     logs = [read_log(path) for path in paths]
     together = factor_recordings(Observations(tuple(logs), maker))
     apart = [factor_recordings(Observations((log,), maker)).fit for log in logs]
-    merged = apart[0].merged(apart[1])
+    merged = apart[0].merge(apart[1])
     np.testing.assert_allclose(together.fit.R, merged.R, atol=1e-12 * np.abs(merged.R).max())
     segments = {int(s) for rows in Observations(tuple(logs), maker) for s in rows.segment}
     assert segments == {0, 1}

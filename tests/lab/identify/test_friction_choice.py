@@ -252,5 +252,5 @@ def test_joints_share_a_law_unless_another_one_is_significantly_better(factor, s
             )
             blocks[:, 2] += size[2] - blocks[:, 2].mean()
         table.append(friction_choice.LawErrors(law, 0.0, 0.0, (), tuple(map(tuple, blocks.tolist()))))
-    found = friction_choice._chosen(table, surfaces, dict.fromkeys(names, friction_choice.AUTO))
+    found = friction_choice._choose_laws(table, surfaces, dict.fromkeys(names, friction_choice.AUTO))
     assert [found[name] for name in names] == expected

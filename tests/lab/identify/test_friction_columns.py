@@ -21,7 +21,7 @@ class Cut(Log):
     def parts(self):
         for part in super().parts():
             for k in range(0, len(part), self.size):
-                yield part.sliced(k, min(len(part), k + self.size))
+                yield part.slice_samples(k, min(len(part), k + self.size))
 
 
 def test_recursion_is_the_loop():
@@ -44,7 +44,7 @@ def test_columns_are_the_law_along_a_motion(law):
     q = np.vstack([np.zeros((1, 2)), np.cumsum(mean * 1e-3, axis=0)])
     W = law_columns([surface], speed, Sliding((surface,)).states(q, speed, np.zeros(1)))
     linear = [0.7, 2.0, 1.5, -0.2][: len(LAWS[law].linear)]
-    model = FrictionModel(LAWS[law], np.array([LAWS[law].joined(linear, shapes)]))
+    model = FrictionModel(LAWS[law], np.array([LAWS[law].join(linear, shapes)]))
     z = np.zeros(1)
     for k in range(len(t)):
         if k:

@@ -30,9 +30,9 @@ def arm():
 
 def test_folds_hold_out_every_instant_once():
     t = np.linspace(2.0, 12.0, 501)
-    folds = [Split.parse(f"fold:{k}/4").guarded(0.2) for k in range(1, 5)]
-    scored = np.array([fold.scored(t, 2.0, 10.0) for fold in folds])
-    fitted = np.array([fold.fitted(t, 2.0, 10.0) for fold in folds])
+    folds = [Split.parse(f"fold:{k}/4").with_guard(0.2) for k in range(1, 5)]
+    scored = np.array([fold.is_scored(t, 2.0, 10.0) for fold in folds])
+    fitted = np.array([fold.is_fitted(t, 2.0, 10.0) for fold in folds])
     assert not np.any(scored & fitted)
     assert np.all(np.sum(scored, axis=0) <= 1)
     assert np.mean(scored.any(axis=0)) > 0.85
@@ -110,7 +110,7 @@ def test_scores_by_joint(arm):
         arm, [log], LOGGED, Options(terms=TERMS, split=Split.parse("first:0.5"), consistent=False, poses=2)
     )
     held_out = next(score for score in found.scores if score.data == "held out")
-    use = found.split.scored(log.t, *log.span)
+    use = found.split.is_scored(log.t, *log.span)
     size = np.sqrt(np.mean(log.tau[use] ** 2, axis=0))
     assert held_out.joint_relative == pytest.approx(NOISE / size, rel=0.1)
     lines = joint_table(found.scores, log.joints)

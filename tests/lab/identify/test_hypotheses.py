@@ -66,7 +66,7 @@ def test_a_delay_is_read_without_bias_at_any_time_between_the_rows(sound):
     assert np.all(np.max(np.abs(np.where(used, moved, 0.0)), axis=0) < 5e-3 * np.sqrt(np.mean(at.tau**2, axis=0)))
     given = mistaken(case(model_of("puma560"), 8700, SECONDS, 0.1, noise=NOISE), "delay 0 30")
     delay = Term("delay", -1)
-    assert comparison(given).converged([delay], {})[delay] == pytest.approx(0.03, abs=0.001)
+    assert comparison(given).fit_terms([delay], {})[delay] == pytest.approx(0.03, abs=0.001)
 
 
 def test_a_parameter_that_may_as_well_be_zero_is_not_named():

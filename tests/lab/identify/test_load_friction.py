@@ -62,7 +62,7 @@ def log():
         tau = truth.inverse_dynamics(state[:2], state[2:], u)
         tau = tau + truth.friction(dq, tau)
         after = integrator.advance(state, tau, PERIOD)
-        net = tau - integrator.plant.friction.directed(state[2:], np.sign(state[2:]), tau)
+        net = tau - integrator.plant.friction.torque_in_direction(state[2:], np.sign(state[2:]), tau)
         rows.append([state, truth.forward_dynamics(state[:2], state[2:], net), tau])
         state = after
     states, ddq, tau = (np.array(each) for each in zip(*rows, strict=True))

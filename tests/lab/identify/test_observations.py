@@ -20,13 +20,13 @@ from samples.recordings import fourier_motion
 
 def test_splits_share_out_the_instants():
     t = 3.0 + 0.01 * np.arange(1000)
-    assert np.sum(Split.parse("first:0.6").fitted(t, 3.0, 10.0)) == 600
-    blocks = Split.parse("blocks:0.5").fitted(t, 3.0, 10.0)
+    assert np.sum(Split.parse("first:0.6").is_fitted(t, 3.0, 10.0)) == 600
+    blocks = Split.parse("blocks:0.5").is_fitted(t, 3.0, 10.0)
     # instants within round-off of a border may fall on either side
     assert np.sum(blocks) == pytest.approx(500, abs=10)
     assert blocks[:49].all()
     assert not blocks[51:99].any()
-    assert Split.parse("none").fitted(t, 3.0, 10.0).all()
+    assert Split.parse("none").is_fitted(t, 3.0, 10.0).all()
     assert "same data" in str(Split())
     for text in ("first", "first:1.5", "blocks:0", "blocks:-1", "half", "none:3", "first:x", "first:1e"):
         with pytest.raises(InputError):

@@ -5,7 +5,7 @@ import pytest
 
 from lab.identify.regression_problems import EXACT, JOINTS, NAMES, SIGMA, P, pieces, problem, rows_of
 from rrrgen.base.errors import DerivationError
-from rrrgen.lab.estimate.identifiability import essential_parameters, unexcited, weak_directions
+from rrrgen.lab.estimate.identifiability import essential_parameters, unexcited_parameters, weak_directions
 from rrrgen.lab.estimate.regression import (
     least_squares,
     robust_least_squares,
@@ -94,7 +94,7 @@ def test_what_the_motion_does_not_excite_is_named_and_does_no_harm():
     assert found.rank == P - 2
     assert found.condition == np.inf
     np.testing.assert_allclose(W @ found.x, rows.tau, atol=1e-8)
-    words = unexcited(factors, NAMES)
+    words = unexcited_parameters(factors, NAMES)
     assert words[0] == "this motion does not excite p3 at all"
     assert words[1].startswith("this motion determines p5 only within 'p1 + 2*p5'")
     assert len(words) == 2

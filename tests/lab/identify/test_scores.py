@@ -97,12 +97,12 @@ def test_parts_are_recognised_and_measured():
 @pytest.mark.parametrize("split", ["first:0.6", "blocks:2"])
 def test_only_the_fitted_part_is_its_own(split):
     log = recording(3)
-    chosen = Split.parse(split).guarded(0.1)
+    chosen = Split.parse(split).with_guard(0.1)
     known = fingerprint([log], chosen)
     whole = common_share([known], [log])
     assert whole.label == "partly its own data"
     assert whole.share == pytest.approx(0.6 if split == "first:0.6" else 0.5, abs=0.07)
-    held_out = Split.parse(split).scored(log.t, *log.span)
+    held_out = Split.parse(split).is_scored(log.t, *log.span)
     first = int(np.argmax(held_out))
     last = first + int(np.argmin(held_out[first:])) if not held_out[first:].all() else len(log.t)
     assert common_share([known], [changed(log, rows=slice(first, last))]).label == "held-out data"

@@ -14,7 +14,7 @@ def test_factors_arrive_in_any_pieces_and_order():
     rows, _ = problem()
     whole = weighted_least_squares(factor_rows(rows), NAMES)
     many, few = ([factor_rows(part) for part in pieces(rows, count)] for count in (57, 3))
-    for factors in (reduce(JointFactors.merged, many), reduce(JointFactors.merged, few[::-1])):
+    for factors in (reduce(JointFactors.merge, many), reduce(JointFactors.merge, few[::-1])):
         found = weighted_least_squares(factors, NAMES)
         np.testing.assert_allclose(found.x, whole.x, rtol=EXACT)
         np.testing.assert_allclose(found.std, whole.std, rtol=1e-8)
@@ -35,14 +35,14 @@ def test_parameters_can_be_fixed_left_out_and_mapped_afterwards():
     rows, _ = problem()
     factors = factor_rows(rows)
     kept = [0, 2, 3, 5, 6, 7]
-    found = least_squares(factors.selected(kept, {1: 0.7}), [NAMES[i] for i in kept])
+    found = least_squares(factors.select_columns(kept, {1: 0.7}), [NAMES[i] for i in kept])
     y = (rows.tau - rows.W[..., 1] * 0.7).ravel()
     np.testing.assert_allclose(found.x, np.linalg.lstsq(rows.W[..., kept].reshape(-1, 6), y, rcond=None)[0], rtol=EXACT)
     rng = np.random.default_rng(4)
     T, known = rng.normal(size=(P, 3)), rng.normal(size=P)
     z = rng.normal(size=3)
     np.testing.assert_allclose(
-        factors.mapped(T, known).residual_squares(z), factors.residual_squares(T @ z + known), rtol=EXACT
+        factors.substitute(T, known).residual_squares(z), factors.residual_squares(T @ z + known), rtol=EXACT
     )
 
 
@@ -52,4 +52,4 @@ def test_factors_of_different_problems_do_not_merge():
     a = JointFactors(np.zeros((2, 3, 3)), np.zeros(2, np.int64))
     b = JointFactors(np.zeros((2, 4, 4)), np.zeros(2, np.int64))
     with pytest.raises(InputError):
-        a.merged(b)
+        a.merge(b)

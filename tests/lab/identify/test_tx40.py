@@ -177,7 +177,7 @@ def test_the_reference_protocol(case):
     use = np.abs(dq) >= np.array(processing.low_speed)
     rows = Rows(log.t[::100], slow(W), slow(log.tau), use, np.zeros(len(dq), np.int64))
     structure = structure_of(regressor, regressor.names, 6)
-    factors = factor_rows(rows).selected(structure.kept)
+    factors = factor_rows(rows).select_columns(structure.kept)
     assert least_squares(factors, structure.names).relative_error <= 0.05105
     assert weighted_least_squares(factors, structure.names, 3).relative_error <= 0.0516
 

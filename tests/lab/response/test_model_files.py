@@ -146,7 +146,7 @@ def test_modes_are_matched_by_frequency_and_kept_apart_where_they_differ():
         return ResponseModel("", np.zeros(1), np.ones(1), 0, 1.0, tuple(Resonance(f, z) for f, z in modes), name=name)
 
     found = modes_over_postures([model("a", (28, 0.1), (90, 0.02)), model("b", (27, 0.1), (60, 0.02), (99, 0.02))])
-    assert [list(each.found) for each in found] == [["a", "b"], ["b"], ["a", "b"]]
+    assert [list(each.resonances) for each in found] == [["a", "b"], ["b"], ["a", "b"]]
     assert found[2].frequencies.tolist() == [90, 99]
     assert modes_over_postures([model("rigid")]) == []
 

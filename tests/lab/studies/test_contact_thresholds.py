@@ -24,7 +24,7 @@ def test_arrays_give_the_numbers_of_the_command(arrays, tmp_path, capsys):
     assert_same_files(tmp_path / "run", tmp_path / "saved", but=("run.json",))
     assert (tmp_path / "run/results/planar2r_contact.h").is_file()
     assert len(result.levels) == len(result.change_levels) == 2
-    assert np.all(np.array(result.levels) > result.found.covariance.deviations)
+    assert np.all(np.array(result.levels) > result.findings.covariance.deviations)
     assert "5 N at the tip" in repr(result)
     assert result._repr_html_().count("<tr>") == 3
 
@@ -32,7 +32,7 @@ def test_arrays_give_the_numbers_of_the_command(arrays, tmp_path, capsys):
 def test_residuals_as_large_as_the_torques_get_a_note(arrays):
     sound = rrrgen.contact_thresholds("planar2r", arrays, block=0.2)
     assert "note: " not in repr(sound)
-    assert max(sound.found.shares) < 0.1
+    assert max(sound.findings.shares) < 0.1
     wrong = rrrgen.contact_thresholds("planar2r", arrays | {"tau": arrays["tau"] * [1.0, -1.0]}, block=0.2)
     assert "note: the torques of q2 are not explained: " in repr(wrong)
 

@@ -25,7 +25,7 @@ def test_passes_know_ports_by_their_roles():
         return [shared * dq[0] * dq[0], shared * dq[1] + beta[2]]
 
     program = recorded(function)
-    renamed = program.described(inputs=tuple(replace(port, name=f"x{k}") for k, port in enumerate(program.inputs)))
+    renamed = program.with_fields(inputs=tuple(replace(port, name=f"x{k}") for k, port in enumerate(program.inputs)))
     for run in (*map(ExpandAndFactor, CutSet), Collect(), Fold({Role.BASE_PARAMETERS: STATE[2]})):
         one, other = run(program), run(renamed)
         assert (one.nodes, one.results) == (other.nodes, other.results)

@@ -25,7 +25,7 @@ from rrrgen.robot.file import (
     load_spec,
     loads_spec,
 )
-from rrrgen.robot.file.writer import number_text, quoted
+from rrrgen.robot.file.writer import number_text, quote
 from rrrgen.robot.spec import parameter_symbol
 
 
@@ -147,7 +147,7 @@ def test_text_of_numbers(value: sp.Expr, text: str) -> None:
 
 
 def test_quoted_text_is_one_line() -> None:
-    assert quoted('a "b"\n\\c\u2028') == '"a \\"b\\"\\u000a\\\\c\\u2028"'
+    assert quote('a "b"\n\\c\u2028') == '"a \\"b\\"\\u000a\\\\c\\u2028"'
 
 
 ROUND_OFF = 1e-15  # products of cosines of magnitude 1

@@ -47,7 +47,7 @@ def test_linear_laws_are_columns_times_parameters(name: str) -> None:
 def test_separable_laws_are_factors_times_linear_parameters(name: str) -> None:
     law, p = LAWS[name], EXAMPLES[name][0]
     linear, shapes = law.split(p)
-    assert law.joined(linear, shapes) == pytest.approx(tuple(p), rel=1e-14)
+    assert law.join(linear, shapes) == pytest.approx(tuple(p), rel=1e-14)
     factors = law.factors(NUMPY, SPEEDS, np.sign(SPEEDS), shapes)
     if law.has_load:  # the factor of a load is left to the caller
         assert law.linear[-1].name == "load_ratio"

@@ -42,7 +42,7 @@ def test_presliding_builds_up_over_its_distance(name: str) -> None:
 def test_directed_torques_meet_the_law_and_enclose_rest(name: str) -> None:
     friction = model(name)
     speeds = [[2.0, 1.0], [-2.0, -1.0], [0.0, 0.0]]
-    backward, forward = (friction.directed(speeds, np.full(2, s)) for s in (-1.0, 1.0))
+    backward, forward = (friction.torque_in_direction(speeds, np.full(2, s)) for s in (-1.0, 1.0))
     assert np.allclose(forward[0], friction.torque([2.0, 1.0]), rtol=1e-12)
     assert np.allclose(backward[1], friction.torque([-2.0, -1.0]), rtol=1e-12)
     assert np.all(backward[2] <= friction.torque([0.0, 0.0]))

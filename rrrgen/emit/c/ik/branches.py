@@ -43,7 +43,7 @@ class CBuilder(Scaffold):
         self._needs.add("linear")
         self._flags.append(f"f{tag}")
         v = self._loop(tag, n, w, label, f"v{tag}")
-        return self._angle(joint, self._turned(tag, a * k - b * v, b * k + a * v))
+        return self._angle(joint, self._define_turn(tag, a * k - b * v, b * k + a * v))
 
     def _fixed_pair(
         self, joint: Joint, a: float, b: float, k: SolverScalar, label: Label, tag: str, radicand: S | None, unit: float
@@ -65,7 +65,7 @@ class CBuilder(Scaffold):
         (n,) = self._add(
             (
                 f"unsigned f{tag} = 0u;",
-                f"const int n{tag} = ik_cosine(&k{tag}, {{0}}, {self._enlarged(unit / h)}, &w{tag}, &f{tag});",
+                f"const int n{tag} = ik_cosine(&k{tag}, {{0}}, {self._cosine_tolerance(unit / h)}, &w{tag}, &f{tag});",
             ),
             (w2, cosine),
             defines=(f"n{tag}",),
@@ -74,9 +74,9 @@ class CBuilder(Scaffold):
         self._needs.add("cosine")
         self._flags.append(f"f{tag}")
         v = self._loop(tag, n, w, label, f"v{tag}")
-        return self._angle(joint, self._turned(tag, ca * cosine - sa * v, sa * cosine + ca * v))
+        return self._angle(joint, self._define_turn(tag, ca * cosine - sa * v, sa * cosine + ca * v))
 
-    def _enlarged(self, ratio: float) -> str:
+    def _cosine_tolerance(self, ratio: float) -> str:
         """The C text of the tolerance by which a computed cosine may exceed 1 in magnitude.
 
         The cosine is a quotient of terms that are ``ratio`` times as large as the divisor. Where solutions of a special
@@ -86,7 +86,7 @@ class CBuilder(Scaffold):
             return self._slack
         return self._slack.replace("slack", f"{self._real(ratio / USUAL_RATIO)} * slack", 1)
 
-    def _widened(self, size: str, unit: float) -> str:
+    def _root_tolerance(self, size: str, unit: float) -> str:
         """The C text of the tolerance up to which a negative discriminant counts as zero.
 
         ``size`` is the C text of the size of its terms (m^2). Where solutions of a special arm are refined on one
@@ -118,7 +118,7 @@ class CBuilder(Scaffold):
             (
                 f"REAL w{tag};",
                 f"unsigned f{tag} = 0u;",
-                f"const int n{tag} = ik_root({{0}}, {{1}}, {self._widened('{1}', unit)}, &w{tag}, &f{tag});",
+                f"const int n{tag} = ik_root({{0}}, {{1}}, {self._root_tolerance('{1}', unit)}, &w{tag}, &f{tag});",
             ),
             (node, big),
             defines=(f"w{tag}", f"n{tag}"),
@@ -191,10 +191,10 @@ class CBuilder(Scaffold):
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
         """Print the angle ``atan2(s, c)``; where both vanish it is the caller's reference value of the joint."""
         tag = self._tag(joint)
-        arc = self._unscaled(joint, tag)
+        arc = self._arc_before_scaling(joint, tag)
         turn = Turn(
             *self._add(
-                (f"REAL c{tag} = {{1}};", f"REAL s{tag} = {{0}};", *self._directed(joint, tag, "{2}", arc)),
+                (f"REAL c{tag} = {{1}};", f"REAL s{tag} = {{0}};", *self._scale_to_unit(joint, tag, "{2}", arc)),
                 (self.pool.of(s), self.pool.of(c), self.reference(joint)),
                 defines=(f"c{tag}", f"s{tag}"),
                 calls=("unit",) if arc is None else ("unit", "arc"),
@@ -245,8 +245,8 @@ class CBuilder(Scaffold):
             rare=tuple(range(3, 4 + len(bounds))),
         )
         inverse = f"((f{tag} & (unsigned)IK_FREE) != 0u) ? (REAL)1 : ((REAL)1 / {{0}})"
-        g = self._defined(f"g{tag}", inverse, (size, f), ("inverse",))
-        turn = self._turned(tag, a * g, b * g)
+        g = self._define(f"g{tag}", inverse, (size, f), ("inverse",))
+        turn = self._define_turn(tag, a * g, b * g)
         self._angle(joint, Turn(a, b) if joint.index in self._joints else turn)
         self._residual.append(self.pool.of(square((before - after, total(v[2], -u[2]), 0)) / (unit * unit)))
         return turn
@@ -255,7 +255,7 @@ class CBuilder(Scaffold):
         """Name the length of ``v`` perpendicular to z, ``sqrt(x^2 + y^2)``."""
         return self.name(hint, self.pool.sqrt(self.pool.of(square((v[0], v[1], 0)))))
 
-    def _unscaled(self, joint: Joint, tag: str) -> ArcTangent | None:
+    def _arc_before_scaling(self, joint: Joint, tag: str) -> ArcTangent | None:
         """The arc tangent of a joint without offset, computed from (c, s) before these are scaled to a unit vector.
 
         That way it does not have to wait for the square root and the division of the scaling. None for other joints.
@@ -265,7 +265,7 @@ class CBuilder(Scaffold):
         angle = self._values[joint.index] = self._angle_variable(joint)
         return ArcTangent(angle, f"c{tag}", f"{'-' if joint.sign < 0 else ''}s{tag}")
 
-    def _directed(self, joint: Joint, tag: str, reference: str, arc: ArcTangent | None) -> tuple[str, ...]:
+    def _scale_to_unit(self, joint: Joint, tag: str, reference: str, arc: ArcTangent | None) -> tuple[str, ...]:
         """C lines that scale (c, s) to a unit vector; where both vanish, it is that of the reference angle."""
         self._needs.add("unit")
         self._flags.append(f"f{tag}")
@@ -287,7 +287,7 @@ class CBuilder(Scaffold):
         self._values[joint.index] = self._user(joint, node)
         return node
 
-    def given(self, joint: Joint) -> Turn | SolverScalar:
+    def redundancy_parameter(self, joint: Joint) -> Turn | SolverScalar:
         """The joint whose value the caller prescribes, an argument of the solver; returns its displacement or angle."""
         raw = joint.sign * self.pool.var("lock") + float(joint.offset)
         self._values[joint.index] = self.pool.var("lock")
@@ -303,20 +303,20 @@ class CBuilder(Scaffold):
         """Print both solutions of an orthogonal wrist, ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M``.
 
         The third column of M gives x4 and x5, and the rotation that remains after them gives x6. The second solution
-        follows from the first (:meth:`_flipped`).
+        follows from the first (:meth:`_flip_wrist`).
         """
         first, middle, last = (self._tag(joint) for joint in joints)
         e4, e5 = signs
         nodes = tuple(self.pool.of(x) for x in (e5 * M[0][2], e5 * M[1][2], -e4 * e5 * M[2][2]))
         mx = (self.name("mx", M[0][0]), self.name("my", M[1][0]), self.name("mz", M[2][0]))
-        arc = self._unscaled(joints[0], first)
+        arc = self._arc_before_scaling(joints[0], first)
         c4, s4, c5, s5, f = self._add(
             (
                 f"REAL c{first} = {{0}};",
                 f"REAL s{first} = {{1}};",
                 f"const REAL s{middle} = SQRT((c{first} * c{first}) + (s{first} * s{first}));",
                 f"const REAL c{middle} = {{2}};",
-                *self._directed(joints[0], first, "{3}", arc),
+                *self._scale_to_unit(joints[0], first, "{3}", arc),
             ),
             (*nodes, self.reference(joints[0])),
             defines=(f"c{first}", f"s{first}", f"c{middle}", f"s{middle}", f"f{first}"),
@@ -327,15 +327,15 @@ class CBuilder(Scaffold):
         self._needs.add("wrist")
         column0 = (self.name("ux", c4 * c5), self.name("uy", s4 * c5), e4 * s5)
         column1 = (e4 * e5 * s4, -(e4 * e5) * c4, 0)
-        c6, s6 = self._turned(last, self.pool.of(dot(column0, mx)), self.pool.of(dot(column1, mx)))
+        c6, s6 = self._define_turn(last, self.pool.of(dot(column0, mx)), self.pool.of(dot(column1, mx)))
         built = tuple(total(c6 * u, s6 * v) for u, v in zip(column0, column1, strict=True))
         self.residual((), minus(built, mx))
         line = f"const int n{first}f = 1 + (int)((f{first} & (unsigned)IK_FREE) == 0u);"
         (n,) = self._add((line,), (f,), defines=(f"n{first}f",))
         turns = (Turn(c4, s4), Turn(c5, s5), Turn(self.pool.of(c6), self.pool.of(s6)))
-        return self._flipped(joints, turns, f"{first}f", n)
+        return self._flip_wrist(joints, turns, f"{first}f", n)
 
-    def _flipped(
+    def _flip_wrist(
         self, joints: tuple[Joint, Joint, Joint], turns: tuple[Turn, Turn, Turn], tag: str, n: SolverScalar
     ) -> tuple[Turn, Turn, Turn]:
         """Print a loop over both solutions of a wrist: in the second x4 and x6 are rotated by pi, and x5 is negated."""
@@ -358,7 +358,7 @@ class CBuilder(Scaffold):
         virtual = [joint for joint in joints if joint not in real]
         if not virtual and all(index in self._values for index in self._joints):
             return turns
-        g = self._defined(f"g{tag}", "({0} == 0) ? (REAL)1 : (REAL)-1", (i,))
+        g = self._define(f"g{tag}", "({0} == 0) ? (REAL)1 : (REAL)-1", (i,))
         flipped = (Turn(g * x4.c, g * x4.s), Turn(x5.c, g * x5.s), Turn(g * x6.c, g * x6.s))
         for joint, turn in zip(joints, flipped, strict=True):
             if joint in virtual:

@@ -20,7 +20,7 @@ from rrrgen.emit.c.ik.loop_nest import (
     RootLoop,
     Statement,
 )
-from rrrgen.emit.c.ik.statements import CBody, printed
+from rrrgen.emit.c.ik.statements import CBody, print_nest
 from rrrgen.emit.c.language import CTarget, Dialect, LibmSinCos
 from rrrgen.emit.interface import Target
 from rrrgen.emit.printing import Names, Statements
@@ -135,7 +135,7 @@ class Scaffold:
         node = self.pool.of(x)
         if node.is_plain:
             return node
-        return self._defined(fresh_name(hint, self._taken), "{0}", (node,))
+        return self._define(fresh_name(hint, self._taken), "{0}", (node,))
 
     def names(self, hint: str, v: Vector) -> Vector:
         """Define a C constant for each coordinate of ``v`` (3,): ``<hint>x``, ``<hint>y`` and ``<hint>z``."""
@@ -147,7 +147,7 @@ class Scaffold:
 
     # -- angles -------------------------------------------------------------------------------------------------------
 
-    def _turned(self, tag: str, c: SolverScalar, s: SolverScalar) -> Turn:
+    def _define_turn(self, tag: str, c: SolverScalar, s: SolverScalar) -> Turn:
         """Define the C constants ``c<tag>`` and ``s<tag>``, the cosine and sine of the joint with this tag."""
         self._taken -= {f"c{tag}", f"s{tag}"}
         return Turn(self.name(f"c{tag}", c), self.name(f"s{tag}", s))
@@ -211,7 +211,7 @@ class Scaffold:
         nest = self.nest()
         for step in passes:
             nest = step(nest)
-        text, operations = printed(nest, self._target, self._taken)
+        text, operations = print_nest(nest, self._target, self._taken)
         together = {"arcs"} if nest.after else set()
         return CBody(text, frozenset(self._needs | together), operations)
 
@@ -283,7 +283,7 @@ class Scaffold:
         )
         return variables
 
-    def _defined(
+    def _define(
         self, text: str, formula: str, operands: tuple[SolverScalar, ...], calls: tuple[str, ...] = ()
     ) -> SolverScalar:
         """Define the C constant ``text`` by ``formula``, in which ``{0}``, ... are operands; left out if unused."""
@@ -299,7 +299,7 @@ class Scaffold:
         bare = raw if joint.sign > 0 else -raw
         if not joint.revolute or (q is bare and raw.op is Op.INPUT and raw.text[0] == "x"):
             return q
-        return self._defined(fresh_name(f"q{joint.index + 1}", self._taken), "ik_wrap({0})", (q,), ("wrap",))
+        return self._define(fresh_name(f"q{joint.index + 1}", self._taken), "ik_wrap({0})", (q,), ("wrap",))
 
     def _real(self, x: float) -> str:
         return f"(REAL){x!r}"

@@ -198,8 +198,8 @@ def block_operations(program: Program, calls: Iterable[str], turns: int) -> Solv
     ``calls`` are keys of :data:`CALLS`.
     """
     count = count_operations(program)
-    own = SolverOperations(count.mul, count.add, count.div, count.sqrt, count.sincos)
-    return sum_of([own, *(CALLS[name] for name in calls)]).times(turns)
+    arithmetic = SolverOperations(count.mul, count.add, count.div, count.sqrt, count.sincos)
+    return sum_of([arithmetic, *(CALLS[name] for name in calls)]).times(turns)
 
 
 def coupling_operations(coupling: Coupling, solutions: int, types: str) -> SolverOperations:
@@ -219,6 +219,6 @@ def coupling_operations(coupling: Coupling, solutions: int, types: str) -> Solve
 def sum_of(counts: Iterable[SolverOperations]) -> SolverOperations:
     """The sum of several counts, operation by operation."""
     tally: Counter[str] = Counter()
-    for each in counts:
-        tally.update(each.as_dict())
+    for count in counts:
+        tally.update(count.as_dict())
     return SolverOperations(**tally)

@@ -84,12 +84,12 @@ def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = No
     ``tolerances``: the thresholds of the emitted code by name. ``stack``: the most bytes that each function takes,
     callees included. ``tips`` has the same of every named tip.
     """
-    data = _planned(spec, make_plan(spec, redundancy), real)
-    tips = {tip: _planned(arm, plan, real) for tip, (arm, plan) in tip_plans(spec).items()}
+    data = _plan_data(spec, make_plan(spec, redundancy), real)
+    tips = {tip: _plan_data(arm, plan, real) for tip, (arm, plan) in tip_plans(spec).items()}
     return data | ({"tips": tips} if tips else {})
 
 
-def _planned(spec: RobotSpec, plan: SolverPlan, real: Real) -> dict[str, Any]:
+def _plan_data(spec: RobotSpec, plan: SolverPlan, real: Real) -> dict[str, Any]:
     """The entry of the manifest about the solver of ``plan``."""
     data: dict[str, Any] = {
         "solver": plan.solvable,
@@ -232,20 +232,20 @@ def _chain_parts(
     texts = {name: kernel(f"ik/{name}.c", chosen) for name in (*BEFORE, *general, *BEHIND)}
     open_joints = [opens(part) for part in parts_of(plan)]
     reopened = [
-        kernel("ik/reopen.c", reopening(chosen, stem, name, each))
-        for (name, _), each in zip(CANDIDATES, open_joints, strict=False)
-        if each
+        kernel("ik/reopen.c", reopening(chosen, stem, name, joints))
+        for (name, _), joints in zip(CANDIDATES, open_joints, strict=False)
+        if joints
     ]
     lists = [
         texts["candidates6r"] if body is None else _list(name, comment, body, chosen)
         for (name, comment), body in zip(CANDIDATES, bodies, strict=False)
     ]
-    found = [kernel("ik/constants.h", chosen), *(texts[name] for name in (*BEFORE, *general[:-1]))]
-    found += [*lists, *(texts[name] for name in BEHIND[:4])]
-    found += [texts["open"], *reopened] if reopened else []
-    found += [texts[name] for name in BEHIND[5:-1]]
-    found += [newton_text(plan, dialect, chosen), kernel("ik/nominal.c", chosen)] if plan.nominal_first else []
-    return [*found, texts[BEHIND[-1]]]
+    parts = [kernel("ik/constants.h", chosen), *(texts[name] for name in (*BEFORE, *general[:-1]))]
+    parts += [*lists, *(texts[name] for name in BEHIND[:4])]
+    parts += [texts["open"], *reopened] if reopened else []
+    parts += [texts[name] for name in BEHIND[5:-1]]
+    parts += [newton_text(plan, dialect, chosen), kernel("ik/nominal.c", chosen)] if plan.nominal_first else []
+    return [*parts, texts[BEHIND[-1]]]
 
 
 BEFORE = ("angles", "roots", "error", "refine")

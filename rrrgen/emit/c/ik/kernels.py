@@ -75,11 +75,13 @@ def kernel(name: str, settings: KernelSettings) -> str:
 
 def specialize(text: str, settings: KernelSettings) -> str:
     """Adapt ``text`` to one robot: #if lines of known options are resolved, names and prefixes replaced."""
-    replaced = _TOKEN.sub(lambda token: _replaced(token, settings), "".join(_settled(text, settings.options)))
+    replaced = _TOKEN.sub(
+        lambda token: _replace_token(token, settings), "".join(_resolve_conditions(text, settings.options))
+    )
     return re.sub(f" {_GAP}|{_GAP} ?", "", replaced)
 
 
-def _replaced(token: re.Match[str], settings: KernelSettings) -> str:
+def _replace_token(token: re.Match[str], settings: KernelSettings) -> str:
     name = token["name"]
     if name is None:
         return token[0]
@@ -92,7 +94,7 @@ def _replaced(token: re.Match[str], settings: KernelSettings) -> str:
     return name
 
 
-def _settled(text: str, options: Mapping[str, bool]) -> Iterator[str]:
+def _resolve_conditions(text: str, options: Mapping[str, bool]) -> Iterator[str]:
     """Yield the lines that remain after resolving the #if lines of options; other conditions stay in the text."""
     kept: list[bool | None] = []  # of each open condition: whether its lines remain; None where it stays in the text
     for line in text.splitlines(keepends=True):
@@ -213,13 +215,13 @@ def settings(
         "ROWS": str(rows),
         "LOCKED_JOINT": str(locked),
         "STEPS": values["VALUE_DESCENT_STEPS" if banded else "VALUE_STEPS"],
-        "OPEN_BITS": f"{sum({256 << joint for each in opens for joint, _ in each})}u",
+        "OPEN_BITS": f"{sum({256 << joint for joints in opens for joint, _ in joints})}u",
         "FAR_STAGE": str(len(reasons) - 1 - may_lack(plan)),
         "CHECK_STAGE": str(len(reasons) - 2 - may_lack(plan)),
         "OUTSIDE_STAGE": str(len(reasons) - 1),
-        "REASONS": quoted(reasons, 1),
+        "REASONS": string_literals(reasons, 1),
         "REASON_COUNT": str(len(reasons)),
-        "STATUS_TEXTS": quoted(texts, 4),
+        "STATUS_TEXTS": string_literals(texts, 4),
         "LAST_STATUS": f"{len(texts) - 1}u",
         "UNKNOWN_STATUS": f"{len(texts)}u",
         "ik_last_candidates": f"{stem}_{last}",
@@ -307,7 +309,7 @@ def _chain(chain: KinematicChain, last_link: Matrix | None, dialect: Dialect) ->
     """
     fixed = (chain if last_link is None else replace(chain, tip=last_link)).transforms
 
-    def bound(x: float | None, side: int) -> float:
+    def finite_limit(x: float | None, side: int) -> float:
         return side * 1e30 if x is None else float(x)
 
     sliding = sum(1 << k for k, joint in enumerate(chain.joints) if not joint.revolute)
@@ -316,10 +318,10 @@ def _chain(chain: KinematicChain, last_link: Matrix | None, dialect: Dialect) ->
         "LAST_JOINT": str(chain.n - 1),
         "SLIDING": f"0x{sliding:x}u",
         "TRANSFORMS": str(chain.n + 1),
-        "FIXED": table([_signed((x for row in matrix for x in row), dialect) for matrix in fixed]),
-        "OFFSET_VALUES": _signed((joint.offset for joint in chain.joints), dialect),
-        "LOWER": _signed((bound(joint.lower, -1) for joint in chain.joints), dialect),
-        "UPPER": _signed((bound(joint.upper, 1) for joint in chain.joints), dialect),
+        "FIXED": table([_array_literal((x for row in matrix for x in row), dialect) for matrix in fixed]),
+        "OFFSET_VALUES": _array_literal((joint.offset for joint in chain.joints), dialect),
+        "LOWER": _array_literal((finite_limit(joint.lower, -1) for joint in chain.joints), dialect),
+        "UPPER": _array_literal((finite_limit(joint.upper, 1) for joint in chain.joints), dialect),
         "VALUE_REACH": repr(chain.reach),
         "ROUNDINGS": str(ROUNDINGS),
         "ROUNDING_UNITS": repr(ROUNDINGS * chain.scale / chain.reach),
@@ -373,7 +375,7 @@ def _inverse(matrix: Matrix) -> list[float]:
     return [x for row in R for x in (*row, -sum(r * y for r, y in zip(row, t, strict=True)))]
 
 
-def _signed(values: Iterable[float], dialect: Dialect) -> str:
+def _array_literal(values: Iterable[float], dialect: Dialect) -> str:
     """Print a C array of numbers, negative ones as ``-(REAL)x``, with the sign in front of the cast."""
     numbers = (float(value) + 0.0 for value in values)
     real = dialect.real_type
@@ -385,8 +387,8 @@ def table(rows: Sequence[str]) -> str:
     return "{\n" + ",\n".join(f"    {row}" for row in rows) + "\n}"
 
 
-def quoted(texts: Sequence[str], each: int) -> str:
-    """The elements of a C array of strings, with ``each`` strings on a line."""
+def string_literals(texts: Sequence[str], columns: int) -> str:
+    """The elements of a C array of strings, in ``columns`` columns."""
     quoted = [f'"{text}"' for text in texts]
-    lines = [", ".join(quoted[k : k + each]) for k in range(0, len(quoted), each)]
+    lines = [", ".join(quoted[k : k + columns]) for k in range(0, len(quoted), columns)]
     return ",\n        ".join(lines)

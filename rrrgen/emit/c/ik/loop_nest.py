@@ -193,10 +193,10 @@ class Dependence:
     def _loops(self, value: SolverScalar) -> frozenset[int]:
         if value.op is Op.INPUT:
             return self._variables.get(value.text, frozenset())
-        found = self._values.get(id(value))
-        if found is None:
-            found = self._values[id(value)] = self.of(value.args)
-        return found
+        loops = self._values.get(id(value))
+        if loops is None:
+            loops = self._values[id(value)] = self.of(value.args)
+        return loops
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -278,7 +278,7 @@ class _Gathering:
                 dependence.read(item)
                 items += self._rewritten(item, dependence)
         arcs = -(-self.taken // self.lanes) * self.lanes
-        copies, end = self._copied(arcs)
+        copies, end = self._copy_angles(arcs)
         loops = self.nest.loops
         before = (
             f"REAL sine[{arcs}] = {{0}};",
@@ -299,14 +299,14 @@ class _Gathering:
             self.flips[item.defines[0].text] = item.flip
             return []
         if item.arc is not None:
-            return [self._stored(item, item.arc, sorted(dependence.of(item.operands)))]
+            return [self._store(item, item.arc, sorted(dependence.of(item.operands)))]
         loop = None if item.opens is None else self.nest.loops[item.opens]
         if loop is None or loop.level == 0:
             return [item]
         at = " + ".join(position(self.nest.loops[: loop.level])[0])
         return [item, Statement(item.depth, (f"{_kept_count(loop)}[{at}] = {loop.count};",))]
 
-    def _stored(self, item: Statement, arc: ArcTangent, around: Sequence[int]) -> Statement:
+    def _store(self, item: Statement, arc: ArcTangent, around: Sequence[int]) -> Statement:
         """Rewrite ``item`` to store an angle in slots, one for every pass through the loops ``around``."""
         terms, count = position([self.nest.loops[k] for k in around])
         slot = self.slots[arc.angle.text] = _Slot(self.taken, count, tuple(terms))
@@ -317,7 +317,7 @@ class _Gathering:
         calls = tuple(name for name in item.calls if name != "arc")
         return replace(item, lines=lines, calls=calls, arc=None)
 
-    def _copied(self, arcs: int) -> tuple[list[str], int]:
+    def _copy_angles(self, arcs: int) -> tuple[list[str], int]:
         """C lines that compute angles from other angles, stored after the first ``arcs`` slots; and the slot count."""
         lines, end = [], arcs
         for angle, flip in self.flips.items():
@@ -387,12 +387,12 @@ class Hoist:
                 if item.opens is not None:
                     loops[item.opens] = replace(loops[item.opens], level=depth)
             for operand in item.operands:
-                items += _moved(operand, depth, dependence, seen)
+                items += _parts_to_move(operand, depth, dependence, seen)
             items.append(replace(item, depth=depth))
         return replace(nest, loops=tuple(loops), items=tuple(items))
 
 
-def _moved(value: SolverScalar, depth: int, dependence: Dependence, seen: set[int]) -> Iterator[Value]:
+def _parts_to_move(value: SolverScalar, depth: int, dependence: Dependence, seen: set[int]) -> Iterator[Value]:
     """Yield the parts of ``value`` that are known in fewer loops than ``depth``, where it is needed first.
 
     ``seen`` holds the ids of values that were visited before; they are not yielded again.
@@ -400,11 +400,11 @@ def _moved(value: SolverScalar, depth: int, dependence: Dependence, seen: set[in
     if value.is_plain or id(value) in seen:
         return
     seen.add(id(value))
-    own = dependence.depth((value,))
+    level = dependence.depth((value,))
     for arg in value.args:
-        yield from _moved(arg, own, dependence, seen)
-    if own < depth:
-        yield Value(own, value)
+        yield from _parts_to_move(arg, level, dependence, seen)
+    if level < depth:
+        yield Value(level, value)
 
 
 # ------------------------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from rrrgen.emit.c.ik.kernels import KernelSettings, kernel, literals, quoted, table
+from rrrgen.emit.c.ik.kernels import KernelSettings, kernel, literals, string_literals, table
 from rrrgen.emit.c.language import Dialect
 from rrrgen.ik.geometry.mechanism import Coupling
 from rrrgen.ik.plan import ARM_ANGLE, SolverPlan
@@ -126,9 +126,9 @@ def _tables(plan: SolverPlan, coupling: Coupling, dialect: Dialect) -> dict[str,
         "LOWER": ends((low for low, _ in coupling.limits), -1),
         "UPPER": ends((high for _, high in coupling.limits), 1),
         "FOLLOWERS": str(len(followers)),
-        "FOLLOWER_FACTORS": matrix([each.factors for each in followers]),
-        "FOLLOWER_LOWER": ends((each.lower for each in followers), -1),
-        "FOLLOWER_UPPER": ends((each.upper for each in followers), 1),
+        "FOLLOWER_FACTORS": matrix([follower.factors for follower in followers]),
+        "FOLLOWER_LOWER": ends((follower.lower for follower in followers), -1),
+        "FOLLOWER_UPPER": ends((follower.upper for follower in followers), 1),
     }
 
 
@@ -140,7 +140,7 @@ def _messages(plan: SolverPlan) -> dict[str, str]:
     reasons = reasons_of(plan)
     count = len(reasons)
     return {
-        "REASONS": quoted(reasons, 1),
+        "REASONS": string_literals(reasons, 1),
         "REASON_COUNT": str(count),
         "UNFIT_STAGE": str(count - 1),
         "OUTSIDE_STAGE": str(count - 2),

@@ -17,7 +17,7 @@ from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.classify import tip_plans
 from rrrgen.ik.families import parameter
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
+from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrap
 from rrrgen.ik.tolerances import MEETS, SAME_GOLDEN, SHARP
 from rrrgen.robot.model.mechanism import tip_arm
 
@@ -35,8 +35,8 @@ def selftest(spec: RobotSpec, real: str = "double", tip: str = "") -> str:
     """
     if tip:
         text = _selftest(*tip_plans(spec)[tip], real, spec, tip)
-        own = set(re.findall(r"^static [^=;(]*?(\w+)(?=[\[(])", text, re.M))
-        return re.sub(rf"\b({'|'.join(sorted(own))})\b", rf"{tip}_\1", text) if own else text
+        names = set(re.findall(r"^static [^=;(]*?(\w+)(?=[\[(])", text, re.M))
+        return re.sub(rf"\b({'|'.join(sorted(names))})\b", rf"{tip}_\1", text) if names else text
     return _selftest(spec, make_plan(spec), real)
 
 
@@ -91,7 +91,7 @@ def _along(plan: SolverPlan, q: list[float]) -> list[float]:
 
 def _targets(plan: SolverPlan) -> list[tuple[list[float], list[list[float]]]]:
     """Test configurations q, each with all solutions for its pose; none is close to a singularity."""
-    found = []
+    targets = []
     state = 7
     for _ in range(TRIED):
         q = []
@@ -102,10 +102,10 @@ def _targets(plan: SolverPlan) -> list[tuple[list[float], list[list[float]]]]:
         if any(_apart(plan, row, q) < SAME_GOLDEN for row in rows) and all(
             _sharpness(plan, row) > SHARP for row in rows
         ):
-            found.append((q, rows))
-        if len(found) == TARGETS:
+            targets.append((q, rows))
+        if len(targets) == TARGETS:
             break
-    return found
+    return targets
 
 
 def _evaluates(plan: SolverPlan) -> bool:
@@ -117,21 +117,21 @@ def _rows(plan: SolverPlan, q: list[float]) -> list[list[float]]:
     y = _along(plan, q)
     T, given = plan.chain.tip_pose(y), parameter(plan, y)
     every = every_branch(plan.equations.play, lambda script: FloatBuilder(T, [0.3] * len(y), script, redundancy=given))
-    found: list[list[float]] = []
+    solutions: list[list[float]] = []
     for values in every:
         if len(values) < len(y):
             continue
         for row in _configurations(plan, values[: len(y)]):
-            if _meets(plan, row, T) and all(_apart(plan, row, other) > SAME_GOLDEN for other in found):
-                found.append(row)
-    return found
+            if _meets(plan, row, T) and all(_apart(plan, row, other) > SAME_GOLDEN for other in solutions):
+                solutions.append(row)
+    return solutions
 
 
 def _configurations(plan: SolverPlan, values: list[float]) -> list[list[float]]:
     """Convert the joint ``values`` of the chain to configurations of the robot; a mechanism can have several."""
     if plan.coupling is not None:
         return list(plan.coupling.leading(values))
-    return [[wrapped(x) if joint.revolute else x for x, joint in zip(values, plan.chain.joints, strict=True)]]
+    return [[wrap(x) if joint.revolute else x for x, joint in zip(values, plan.chain.joints, strict=True)]]
 
 
 def _meets(plan: SolverPlan, row: list[float], T: Matrix) -> bool:

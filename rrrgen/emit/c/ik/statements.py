@@ -106,7 +106,7 @@ class _Recorded:
         inputs = (Port("variables", (len(self.texts),)),)
         return Program(f"block{self._level}", inputs, outputs, tuple(self._nodes), tuple(self._results))
 
-    def restricted(self, values: Iterable[SolverScalar]) -> Program:
+    def restrict(self, values: Iterable[SolverScalar]) -> Program:
         """A program of the nodes of ``values`` alone, for counting operations; it has no outputs."""
         kept = [self._nodes[self.add(node)] for node in values]
         return replace(self.program(), outputs=(), nodes=tuple(kept), results=())
@@ -138,7 +138,7 @@ class _BlockPrinter(Statements):
         self._visited = max(self._visited, count)
 
 
-def printed(nest: LoopNest, target: Target, taken: Iterable[str]) -> tuple[str, SolverOperations]:
+def print_nest(nest: LoopNest, target: Target, taken: Iterable[str]) -> tuple[str, SolverOperations]:
     """Print ``nest`` as C: (text, operations of one evaluation).
 
     ``taken`` are names that new variables must not have.
@@ -153,7 +153,7 @@ def printed(nest: LoopNest, target: Target, taken: Iterable[str]) -> tuple[str, 
         block, printer = _block(blocks, depth, outside, target, names)
         lines += [indent + line for line in printer.lines]
         calls = [call for _, item in blocks.items[depth] if isinstance(item, Statement) for call in item.calls]
-        evaluated = block.restricted(node for node in blocks.values[depth] if id(node) in regular)
+        evaluated = block.restrict(node for node in blocks.values[depth] if id(node) in regular)
         counts.append(block_operations(evaluated, calls, prod(loop.most for loop in nest.loops[:depth])))
         if depth < len(nest.loops):
             lines.append(indent + opening(nest.loops[depth]))
@@ -193,14 +193,14 @@ def _block(
 
 def _regular(nest: LoopNest) -> set[int]:
     """The ids of the values that are needed when no joint is free; operands marked ``rare`` are not followed."""
-    found: set[int] = set()
+    ids: set[int] = set()
     for item in nest.items:
         if isinstance(item, Value):
             continue  # it is counted where a statement reads it
         for k, operand in enumerate(item.operands):
             if isinstance(item, Leaf) or k not in item.rare:
-                collect(operand, found)
-    return found
+                collect(operand, ids)
+    return ids
 
 
 def _lines(item: Statement | Leaf) -> list[str]:

@@ -113,19 +113,19 @@ class _ArrayTable:
 
         Raises :class:`InputError` if the columns differ in length.
         """
-        found = []
+        columns = []
         for column in wanted:
             name, index = indexed_name(str(column))
             array = self.array(name)
             if array is None:
                 raise unknown_column(self.path, name, self.columns)
-            found.append(column_of(self.path, name, array, index))
-        lengths = {len(column) for column in found}
+            columns.append(column_of(self.path, name, array, index))
+        lengths = {len(column) for column in columns}
         check_rows(self.path, max(lengths, default=0))
         if len(lengths) > 1:
-            named = ", ".join(f"{name}: {len(column)}" for name, column in zip(wanted, found, strict=True))
+            named = ", ".join(f"{name}: {len(column)}" for name, column in zip(wanted, columns, strict=True))
             raise table_fault(self.path, f"columns of different lengths ({named})")
-        pieces = blocks(found, size)
+        pieces = blocks(columns, size)
         while True:
             with foreign_reader(self.path, "a container of arrays"):
                 block = next(pieces, None)
@@ -226,10 +226,10 @@ class _ArrayFile:
     def _piece(self, first: int, count: int) -> NDArray[Any]:
         with self.path.open("rb") as stream:
             stream.seek(self.offset + first * self.dtype.itemsize)
-            found = np.fromfile(stream, self.dtype, count)
-        if len(found) < count:
+            values = np.fromfile(stream, self.dtype, count)
+        if len(values) < count:
             raise table_fault(self.path, "the file is shorter than its header says", "was it copied completely?")
-        return found
+        return values
 
 
 class NpzTable(_ArrayTable):

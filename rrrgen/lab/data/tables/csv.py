@@ -66,7 +66,9 @@ class CsvTable:
         """
         places = [named_column(self.path, name, self.columns) for name in wanted]
         with self._open() as stream:
-            numbered = ((n, self._plain(line)) for n, line in enumerate(_bounded(stream), 1) if n > self.source.skip)
+            numbered = (
+                (n, self._plain(line)) for n, line in enumerate(_bounded_lines(stream), 1) if n > self.source.skip
+            )
             rows = ((n, line) for n, line in numbered if line.strip())
             for _ in range(self.header):
                 next(rows, None)
@@ -86,7 +88,7 @@ class CsvTable:
         return open(self.path, encoding=self.source.encoding, newline=None)
 
     def _lines(self, stream: TextIO) -> Iterator[str]:
-        return islice(_bounded(stream), self.source.skip, None)
+        return islice(_bounded_lines(stream), self.source.skip, None)
 
     def _block(self, rows: Iterator[tuple[int, str]], size: int) -> list[tuple[int, str]]:
         """The next ``size`` lines, each with its number in the file; InputError where the encoding is wrong."""
@@ -99,7 +101,7 @@ class CsvTable:
         """The error for the first line that is not text in the declared encoding, with line and column if possible."""
         message, hint = f"not text in {self.source.encoding}", "damaged, or another encoding: encoding: latin-1"
         with self.path.open("rb") as stream:
-            for number, line in enumerate(_bounded(stream), 1):
+            for number, line in enumerate(_bounded_lines(stream), 1):
                 try:
                     line.decode(self.source.encoding)
                 except UnicodeDecodeError as error:
@@ -237,6 +239,6 @@ class CsvTable:
         return "," if commas else "."
 
 
-def _bounded(stream: IO[AnyStr]) -> Iterator[AnyStr]:
+def _bounded_lines(stream: IO[AnyStr]) -> Iterator[AnyStr]:
     """Iterate over the lines of ``stream``, cut at a little over LONGEST_LINE, so that memory is bounded."""
     return iter(partial(stream.readline, LONGEST_LINE + 1), stream.read(0))

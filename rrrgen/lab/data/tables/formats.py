@@ -36,14 +36,14 @@ class GuardedTable:
 
     def __init__(self, source: FileSource) -> None:
         self.source, self.path = source, source.path
-        with _borrowed(source) as process:
+        with _borrow_process(source) as process:
             self.columns: tuple[str, ...] = tuple(process.ask({"columns": True})["columns"])
             process.free = True
 
     def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
         """Iterate over blocks of the wanted columns; abandoning the iteration ends the reading process."""
         rows = 0
-        with _borrowed(self.source) as process:
+        with _borrow_process(self.source) as process:
             answer = process.ask({"wanted": list(wanted), "size": size})
             while "rows" in answer:
                 block = process.block(int(answer["rows"]), len(wanted), size)
@@ -98,11 +98,11 @@ class _Process:
         self._asked = time.monotonic()
         line = self._from.readline()
         if not line.endswith(b"\n"):
-            raise self._ended()
+            raise self._end_error()
         answer: dict[str, Any] = json.loads(line)
         if "faults" in answer:
             self.free = True
-            raise InputError([Fault(*self._named(entry)) for entry in answer["faults"]])
+            raise InputError([Fault(*self._restore_path(entry)) for entry in answer["faults"]])
         if "missing" in answer:
             self.free = True
             raise MissingExtraError(*answer["missing"])
@@ -116,7 +116,7 @@ class _Process:
             raise InternalError(f"a block of {rows} rows, where at most {size} were asked for")
         numbers = np.empty((rows, width))
         if numbers.size and self._from.readinto(numbers.data.cast("B")) != numbers.nbytes:  # type: ignore[attr-defined]
-            raise self._ended()
+            raise self._end_error()
         return numbers
 
     def end(self) -> None:
@@ -133,11 +133,11 @@ class _Process:
         assert self._source is not None
         return self._source.path
 
-    def _named(self, entry: list[Any]) -> list[Any]:
+    def _restore_path(self, entry: list[Any]) -> list[Any]:
         """Fields ``entry`` of a fault that the process reported, with the path of the file as the caller wrote it."""
         return [str(self._path) if entry[0] == os.path.abspath(self._path) else entry[0], *entry[1:]]
 
-    def _ended(self) -> InputError:
+    def _end_error(self) -> InputError:
         """The error for a process that ended without an answer: time limit, crash or memory limit."""
         waited = time.monotonic() - self._asked
         status = self._popen.wait()
@@ -160,7 +160,7 @@ _idle: dict[int, list[_Process]] = {}
 
 
 @contextlib.contextmanager
-def _borrowed(source: FileSource) -> Iterator[_Process]:
+def _borrow_process(source: FileSource) -> Iterator[_Process]:
     """Context with a process that reads ``source``; if it has answered completely, it is kept for the next file."""
     waiting = _idle.setdefault(os.getpid(), [])
     process = waiting.pop() if waiting else _Process()

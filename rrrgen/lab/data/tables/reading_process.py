@@ -127,7 +127,7 @@ class _Memory:
     """Sets the limit on the address space of this process, on systems that support one."""
 
     def __init__(self) -> None:
-        self._base = self._taken()
+        self._base = self._address_space()
 
     def allow(self, more: int) -> None:
         """Limit the address space to ``more`` bytes beyond what Python and its libraries had taken at the start."""
@@ -143,7 +143,7 @@ class _Memory:
         with contextlib.suppress(ValueError, OSError):  # macOS knows the limit and refuses to set it
             resource.setrlimit(resource.RLIMIT_AS, (limit, most))
 
-    def _taken(self) -> int:
+    def _address_space(self) -> int:
         try:
             pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
         except (OSError, ValueError):

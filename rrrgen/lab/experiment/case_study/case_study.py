@@ -127,15 +127,15 @@ class CaseStudy:
     @property
     def failures(self) -> tuple[str, ...]:
         """Sentences that name the required accuracies which are missed; empty if the case study passes."""
-        found = [*self.validation.failures, *self.flexible.failures, *self.joint_friction.failures]
+        problems = [*self.validation.failures, *self.flexible.failures, *self.joint_friction.failures]
         check = self.design.best.check
         if not check.condition <= LARGEST_CONDITION:
-            found.append(f"condition number {check.condition:.3g} exceeds {LARGEST_CONDITION}")
+            problems.append(f"condition number {check.condition:.3g} exceeds {LARGEST_CONDITION}")
         worst = int(np.argmax(np.abs(self.deviations)))
         if not abs(self.deviations[worst]) <= MOST_DEVIATIONS:
             name = self.identification.names[worst]
-            found.append(f"{name} is {abs(self.deviations[worst]):.2g} standard deviations off")
-        return tuple(found)
+            problems.append(f"{name} is {abs(self.deviations[worst]):.2g} standard deviations off")
+        return tuple(problems)
 
     def to_json(self) -> dict[str, Any]:
         """The results as plain data for JSON."""
@@ -199,10 +199,10 @@ class _Work:
         observer = self.observer(design)
         path, recursive = self.writing()
         excitation = self.experiment("excitation", design.trajectory.evaluate, observer, self.settings.seed)
-        identification = self.identified(excitation)
+        identification = self.identify_parameters(excitation)
         writing = self.experiment("writing", path.evaluate, observer, self.settings.seed + 1)
         self.tell(0, 0, "validation on the writing task")
-        validation = self.validated(identification, writing, excitation)
+        validation = self.validate_torques(identification, writing, excitation)
         flexible = flexible_dynamics(
             self.model,
             self.friction,
@@ -329,20 +329,24 @@ class _Work:
         speeds = (settings.low_speed,) * self.model.n
         return Processing(method="kalman", decimate=settings.decimate, low_speed=speeds)
 
-    def identified(self, log: Log) -> Identification:
+    def identify_parameters(self, log: Log) -> Identification:
         """Base parameters and friction by weighted least squares, (14.20)."""
         fixed = {"my2": 0.0, "my3": 0.0} if self.settings.symmetric_links else {}
         options = Options(terms=self.terms, fixed_standard=fixed, seed=self.settings.seed)
         return identify(self.model, [log], self.processing, options, progress=self.tell)
 
-    def validated(self, found: Identification, log: Log, fitted: Log) -> Validation:
+    def validate_torques(self, identification: Identification, log: Log, fitted: Log) -> Validation:
         """Compare the torques of the identified model with those of the writing task, which was not fitted."""
         return validate_recordings(
-            column_model(FullRegressor(self.model, self.terms), found.theta),
+            column_model(FullRegressor(self.model, self.terms), identification.theta),
             [log],
-            replace(self.processing, var_eta=found.processing.var_eta, var_xi=found.processing.var_xi),
+            replace(
+                self.processing, var_eta=identification.processing.var_eta, var_xi=identification.processing.var_xi
+            ),
             noise=self.settings.torque_noise,
             label=common_share([fingerprint([fitted])], [log]).label,
-            indefinite=found.indefinite.get(found.estimate.method, next(iter(found.indefinite.values()))),
+            indefinite=identification.indefinite.get(
+                identification.estimate.method, next(iter(identification.indefinite.values()))
+            ),
             thresholds=Thresholds(relative_error=0.1, beyond_noise=LARGEST_ERROR, indefinite_share=0.0),
         )

@@ -56,8 +56,8 @@ def write_figures(run: RunFolder, study: CaseStudy) -> None:
 def _in_ranges(figure: Figure) -> Figure:
     """Widen the axis ranges of ``figure`` to include those of the chapter's Bode plot; returns the figure."""
     for axis, (low, high) in zip(figure.axes, (MAGNITUDES, PHASES), strict=True):
-        own = axis.get_ylim()
-        axis.set_ylim(min(low, own[0]), max(high, own[1]))
+        bottom, top = axis.get_ylim()
+        axis.set_ylim(min(low, bottom), max(high, top))
     return figure
 
 
@@ -175,24 +175,28 @@ def _dynamics(
 
 
 def _settling(run: RunFolder, study: CaseStudy) -> Figure:
-    found = study.identification
-    samples = sum(len(rows.t) for rows in found.blocks)
+    identification = study.identification
+    samples = sum(len(rows.t) for rows in identification.blocks)
     settling = convergence(
-        found.blocks, found.names, found.estimate.weights, found.transform, every=max(1, samples // SAMPLES)
+        identification.blocks,
+        identification.names,
+        identification.estimate.weights,
+        identification.transform,
+        every=max(1, samples // SAMPLES),
     )
     header = ("samples", *settling.names)
     run.write_csv("settling.csv", header, ([int(k), *row] for k, row in zip(settling.samples, settling.x, strict=True)))
-    return plot_settling(settling, found.estimate.std, found.units, study.truth)
+    return plot_settling(settling, identification.estimate.std, identification.units, study.truth)
 
 
 def _online(run: RunFolder, study: CaseStudy) -> Figure:
-    found = online_estimates(study)
-    names = found[0].names
-    header = ("t", *(f"{each.kind}_{name}" for each in found for name in (*names, "torque_error")))
-    columns = [part for each in found for part in (each.p, each.error[:, None])]
-    run.write_csv("online_estimates.csv", header, np.column_stack([found[0].t, *columns]).tolist())
+    estimates = online_estimates(study)
+    names = estimates[0].names
+    header = ("t", *(f"{estimate.kind}_{name}" for estimate in estimates for name in (*names, "torque_error")))
+    columns = [part for estimate in estimates for part in (estimate.p, estimate.error[:, None])]
+    run.write_csv("online_estimates.csv", header, np.column_stack([estimates[0].t, *columns]).tolist())
     values = dict(zip(study.model.base_parameter_names, study.model.beta, strict=True))
-    return plot_online_estimates(found, np.array([values[name] for name in names]))
+    return plot_online_estimates(estimates, np.array([values[name] for name in names]))
 
 
 def _tables(run: RunFolder, study: CaseStudy) -> None:

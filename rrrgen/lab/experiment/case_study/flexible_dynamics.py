@@ -66,16 +66,16 @@ class FlexibleDynamics:
     @property
     def failures(self) -> tuple[str, ...]:
         """Sentences that name the required accuracies which are missed; empty if there are none."""
-        found = [f"response of {name}: {reason}" for name, reason in self.fitted.refused.items()]
+        problems = [f"response of {name}: {reason}" for name, reason in self.fitted.refused.items()]
         for response in self.fitted.measured:
             share = float(np.mean(response.trusted))
             if share < LEAST_TRUSTED:
-                found.append(f"{response.name}: only {100 * share:.0f} % of the lines are trusted")
+                problems.append(f"{response.name}: only {100 * share:.0f} % of the lines are trusted")
         for row in self.resonances:
             if row["computed"]["peak"] > SEEN and not row["deviation"] <= LARGEST_DEVIATION:
                 limit, frequency = 100 * LARGEST_DEVIATION, row["computed"]["frequency"]
-                found.append(f"{row['posture']}: no resonance within {limit:g} % of {frequency:.2f} Hz")
-        return tuple(found)
+                problems.append(f"{row['posture']}: no resonance within {limit:g} % of {frequency:.2f} Hz")
+        return tuple(problems)
 
     def figure(self) -> Figure:
         """Plot the responses of all postures with their confidence bands, and the models (Fig. 14.14)."""
@@ -85,7 +85,7 @@ class FlexibleDynamics:
         """Plain data: the verdicts on the responses, and the measured with the computed resonances."""
         return {
             "postures": self.settings.postures,
-            "trusted": {each.name: float(np.mean(each.trusted)) for each in self.fitted.measured},
+            "trusted": {response.name: float(np.mean(response.trusted)) for response in self.fitted.measured},
             "resonances": self.resonances,
         }
 
@@ -128,7 +128,7 @@ def flexible_dynamics(
     ]
     fitted = fit_responses(measured)
     modes = expected_modes(experiment, model)
-    computed = {response.name: found for response, found in zip(measured, modes, strict=True)}
+    computed = {response.name: of_posture for response, of_posture in zip(measured, modes, strict=True)}
     return FlexibleDynamics(settings, fitted, beside(fitted.models, computed))
 
 

@@ -42,41 +42,41 @@ class JointFrictionSettings:
 
 @dataclass(frozen=True, eq=False)
 class JointFriction:
-    """The result of the friction experiment: the estimate ``found``, and the ``truth``.
+    """The result of the friction experiment: the ``estimate``, and the ``truth``.
 
     ``truth`` maps names of friction parameters to their values in the virtual robot.
     """
 
-    found: FrictionEstimate
+    estimate: FrictionEstimate
     truth: dict[str, float]
 
     @property
     def errors(self) -> dict[str, float]:
         """Relative error, by name, of each parameter of the true friction law that the chosen law has too."""
-        values = self.found.chosen.values
+        values = self.estimate.chosen.values
         return {name: values[name] / actual - 1.0 for name, actual in self.truth.items() if name in values}
 
     @property
     def failures(self) -> tuple[str, ...]:
         """Sentences that name the required accuracies which are missed; empty if there are none."""
-        found = [
+        problems = [
             f"{name} of the friction experiment is {100 * error:.1f} % off"
             for name, error in self.errors.items()
             if not abs(error) <= LIMITS[name]
         ]
-        if self.found.chosen.name != "stribeck":
-            found.append(f"the friction law chosen is {self.found.chosen.name}, the virtual robot has stribeck")
-        return tuple(found)
+        if self.estimate.chosen.name != "stribeck":
+            problems.append(f"the friction law chosen is {self.estimate.chosen.name}, the virtual robot has stribeck")
+        return tuple(problems)
 
     def to_json(self) -> dict[str, Any]:
         """Plain data: the estimates of all laws, the true parameters, and the errors of the chosen law."""
-        return {**self.found.to_json(), "truth": self.truth, "errors": self.errors}
+        return {**self.estimate.to_json(), "truth": self.truth, "errors": self.errors}
 
     def figure(self) -> Figure:
         """Plot torque and speed over time with the model, and friction over speed with the samples (Fig. 14.9)."""
         from rrrgen.lab.friction.report import plot_experiment
 
-        return plot_experiment(self.found)
+        return plot_experiment(self.estimate)
 
 
 def joint_friction(
@@ -123,7 +123,7 @@ def joint_friction(
     log = read_log(mapping)
     joint = recorded_joint(spec, log, spec.joints[i].name)
     data = joint_data(log, joint.name, joint.resolution)
-    found = estimate_friction(data, joint.gravity, settings.laws, seed, tell)
+    estimate = estimate_friction(data, joint.gravity, settings.laws, seed, tell)
     actual = {"inertia": inertia[i], "coulomb": coulomb[i], "viscous": viscous[i]}
     actual |= {"stiction_excess": settings.stiction_excess, "stribeck_speed": settings.stribeck_speed}
-    return JointFriction(found, {name: float(value) for name, value in actual.items()})
+    return JointFriction(estimate, {name: float(value) for name, value in actual.items()})

@@ -48,7 +48,7 @@ def online_estimates(study: CaseStudy) -> tuple[OnlineEstimates, ...]:
     """
     log, model = study.excitation_log, study.model
     assert log.tau is not None
-    q, dq, ddq = _filtered(study)
+    q, dq, ddq = _filter_motion(study)
     tau = log.tau - study.friction.torque(dq)
     noise = np.diag(np.square(study.settings.torque_noise))
     fixed = {"p4": 0.0, "p15": 0.0} if study.settings.symmetric_links else {}
@@ -62,7 +62,7 @@ def online_estimates(study: CaseStudy) -> tuple[OnlineEstimates, ...]:
         noise=tuple(tuple(float(v) for v in row) for row in noise),
         gain=chosen_gain(None, gain_bound(setting, *study.design.trajectory.evaluate(log.t))),
     )
-    found = []
+    estimates = []
     for kind in KINDS:
         estimator = online_estimator(model, kind, settings, fixed)
         points = []
@@ -72,13 +72,13 @@ def online_estimates(study: CaseStudy) -> tuple[OnlineEstimates, ...]:
             points.append(estimator.parameters)
         p = np.array(points)
         error = np.linalg.norm((Y @ p[:, None, :, None])[..., 0] + known - torque, axis=(1, 2)) / np.linalg.norm(torque)
-        found.append(
+        estimates.append(
             OnlineEstimates(kind, estimator.names, study.settings.period * BLOCK * np.arange(1, len(p) + 1), p, error)
         )
-    return tuple(found)
+    return tuple(estimates)
 
 
-def _filtered(study: CaseStudy) -> tuple[Array, Array, Array]:
+def _filter_motion(study: CaseStudy) -> tuple[Array, Array, Array]:
     """Estimate the motion from the recorded positions by the controller's Kalman filter, (14.30), (14.31).
 
     Returns positions, velocities and accelerations.
@@ -100,26 +100,26 @@ def _small(axis: Any, lowest: bool) -> None:
     axis.xaxis.label.set_fontsize(8)
 
 
-def plot_online_estimates(found: tuple[OnlineEstimates, ...], truth: Array) -> Figure:
+def plot_online_estimates(estimates: tuple[OnlineEstimates, ...], truth: Array) -> Figure:
     """Plot every estimated parameter over time with its true value from ``truth`` (p,), and the torque error.
 
     As in Fig. 14.12.
     """
-    names = found[0].names
+    names = estimates[0].names
     rows = -(-(len(names) + 1) // PANELS)
     figure, axes = new_figure(rows, PANELS, height=1.5 * rows + 0.6, width=2.4 * PANELS)
     for i, name in enumerate(names):
         axis = axes[i]
-        for k, each in enumerate(found):
-            axis.plot(each.t, each.p[:, i], color=f"C{k}", linewidth=0.9, label=LABELS[each.kind])
+        for k, estimate in enumerate(estimates):
+            axis.plot(estimate.t, estimate.p[:, i], color=f"C{k}", linewidth=0.9, label=LABELS[estimate.kind])
         axis.axhline(truth[i], color="0.2", linestyle="--", linewidth=0.8, label="true value")
-        size = max(abs(truth[i]), float(np.abs(np.diff(found[0].p[len(found[0].p) // 10 :, i])).max()), 0.02)
+        size = max(abs(truth[i]), float(np.abs(np.diff(estimates[0].p[len(estimates[0].p) // 10 :, i])).max()), 0.02)
         axis.set_ylim(truth[i] - 1.5 * size, truth[i] + 1.5 * size)
         axis.set_title(name, fontsize=8)
         _small(axis, i + PANELS > len(names))
     error = axes[len(names)]
-    for k, each in enumerate(found):
-        error.semilogy(each.t, 100.0 * each.error, color=f"C{k}", linewidth=0.9)
+    for k, estimate in enumerate(estimates):
+        error.semilogy(estimate.t, 100.0 * estimate.error, color=f"C{k}", linewidth=0.9)
     error.set_title("torque error [%]", fontsize=8)
     error.set_ylim(0.05, 200.0)
     _small(error, True)

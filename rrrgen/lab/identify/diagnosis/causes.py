@@ -60,22 +60,22 @@ class Cause:
         return {"cause": self.cause, "evidence": list(self.evidence), "write_instead": self.remedy, **named}
 
 
-def merged(causes: Iterable[Cause]) -> tuple[Cause, ...]:
+def merge_causes(causes: Iterable[Cause]) -> tuple[Cause, ...]:
     """Merge equal causes and their evidence; general causes are dropped if there are specific ones."""
-    found: dict[str, Cause] = {}
-    for each in causes:
-        before = found.get(each.cause)
+    merged_causes: dict[str, Cause] = {}
+    for fault in causes:
+        before = merged_causes.get(fault.cause)
         if before is None:
-            found[each.cause] = each
+            merged_causes[fault.cause] = fault
         else:
-            found[each.cause] = before.because(*(new for new in each.evidence if new not in before.evidence))
-    for each in [cause for cause in found.values() if cause.either]:
-        known = [name for name in each.either if name in found]
+            merged_causes[fault.cause] = before.because(*(new for new in fault.evidence if new not in before.evidence))
+    for fault in [cause for cause in merged_causes.values() if cause.either]:
+        known = [name for name in fault.either if name in merged_causes]
         if known:
-            del found[each.cause]
-            found[known[0]] = found[known[0]].because(*each.evidence)
-    specific = [each for each in found.values() if not each.general]
-    return tuple(specific or found.values())
+            del merged_causes[fault.cause]
+            merged_causes[known[0]] = merged_causes[known[0]].because(*fault.evidence)
+    specific = [cause for cause in merged_causes.values() if not cause.general]
+    return tuple(specific or merged_causes.values())
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Wording:
     mapping: LogMapping | None = None
     robot: str = "robot"
 
-    def named(self, joints: Sequence[int]) -> str:
+    def name_joints(self, joints: Sequence[int]) -> str:
         """Text that names some ``joints`` (numbers from 0): ``joint q1``, ``joints q1, q2`` or ``all joints``."""
         if len(joints) == len(self.joints) > 1:
             return "all joints"
@@ -107,7 +107,7 @@ class Wording:
         true = true if all(unit for _, unit in units) else ""
         size = f"{factor:.4g} times too small" if factor > 1.0 else f"{1.0 / factor:.4g} times too large"
         what = f"are in {true}, but are read in {read}" if true else f"are {size}"
-        cause = f"the {NAMES[signal]}s of {self.named(joints)} {what}"
+        cause = f"the {NAMES[signal]}s of {self.name_joints(joints)} {what}"
         if true and len(joints) == len(self.joints) and len(set(units)) == 1:
             return Cause(cause, f"units: {{{signal}: {true}}}{self._where()}")
         entries = [
@@ -133,7 +133,7 @@ class Wording:
             either=() if len(signals) == 1 else tuple(self.wrong_sign([signal], joint).cause for signal in signals),
         )
 
-    def swapped(self, signal: Signal, i: int, k: int) -> Cause:
+    def exchanged_columns(self, signal: Signal, i: int, k: int) -> Cause:
         """The cause that the columns of a ``signal`` are exchanged between the joints ``i`` and ``k``."""
         first, second = (self._column(signal, j) for j in (i, k))
         entries = [self._entry(signal, i, column=second), self._entry(signal, k, column=first)]

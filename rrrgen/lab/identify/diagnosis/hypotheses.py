@@ -116,7 +116,7 @@ class Comparison(NuisanceFit):
     """Compares hypotheses on one sample of a recording; ``inside`` are the columns of ``regressor`` in the model."""
 
     def __init__(self, regressor: AllTerms, sample: Sample, inside: Sequence[int]) -> None:
-        thinned = sample.thinned(MOST_SAMPLES // sample.n)
+        thinned = sample.thin(MOST_SAMPLES // sample.n)
         super().__init__(regressor.model, regressor, thinned, np.eye(len(regressor.names))[:, list(inside)])
         self.model, self.names, self.inside = regressor.model, regressor.names, list(inside)
         since = self.sample.t - self.sample.t[0]
@@ -207,7 +207,7 @@ class Comparison(NuisanceFit):
             ]
             accepted.append((best, rivals))
             values = best.values
-            left = [each for each in left if not set(each.terms) & set(best.hypothesis.terms)]
+            left = [hypothesis for hypothesis in left if not set(hypothesis.terms) & set(best.hypothesis.terms)]
         return [Finding(best, best.gain >= NAMED and not rivals, tuple(rivals)) for best, rivals in accepted]
 
     def is_explained_by(self, hypothesis: Hypothesis) -> bool:
@@ -257,45 +257,47 @@ class Comparison(NuisanceFit):
         """What each of ``hypotheses`` explains beside the ``accepted`` values of terms, for those that matter."""
         given = list(accepted)
         W, tau = self.regressor_at(accepted)
-        x, sigma = self.fitted(given, accepted)
+        x, sigma = self.fit_model(given, accepted)
         weights = 1.0 / sigma
-        every = [*given, *dict.fromkeys(term for each in hypotheses for term in each.terms)]
+        every = [*given, *dict.fromkeys(term for hypothesis in hypotheses for term in hypothesis.terms)]
         A = np.concatenate([W, self.columns(every, accepted, W, x)], axis=-1)
         p = W.shape[-1]
         G = self.products(A, tau, self.edges)
-        own = list(range(p + len(given)))
-        before = self.held_out(G, weights, own)
+        basis = list(range(p + len(given)))
+        before = self.held_out(G, weights, basis)
         squares = np.einsum("j,bj->b", weights**2, G[..., -1, -1])
         total = np.einsum("j,bjxy->xy", weights**2, G)
-        determined = self.determined(total, own, [UNIT.get(term.kind, 1.0) for term in every[len(given) :]])
+        determined = self.is_determined(total, basis, [UNIT.get(term.kind, 1.0) for term in every[len(given) :]])
         sound = dict(zip(every[len(given) :], determined, strict=True))
-        found = []
+        outcomes = []
         # small errors are not worth a fit from every zero: only from those that explain more than the zero as it is
         below = math.inf if np.any(sigma > LARGE * self.size) else self.objective(sigma)
-        for each in hypotheses:
-            at = [p + every.index(term) for term in each.terms]
-            if not all(sound[term] for term in each.terms):
+        for hypothesis in hypotheses:
+            at = [p + every.index(term) for term in hypothesis.terms]
+            if not all(sound[term] for term in hypothesis.terms):
                 continue
-            errors = self.held_out(G, weights, [*own, *at])
-            values = dict(accepted) | dict.fromkeys(each.terms, 0.0)
-            outcome = Outcome(each, values, errors, before, squares)
-            nonlinear = not all(term.is_linear for term in each.terms)
+            errors = self.held_out(G, weights, [*basis, *at])
+            values = dict(accepted) | dict.fromkeys(hypothesis.terms, 0.0)
+            outcome = Outcome(hypothesis, values, errors, before, squares)
+            nonlinear = not all(term.is_linear for term in hypothesis.terms)
             starts = [values] if nonlinear and outcome.gain >= SCREENED else []
-            if each.subject == "zero":
-                starts += [values | {each.terms[0]: zero} for zero in self.zeros(each.terms[0], values, below)]
+            if hypothesis.subject == "zero":
+                starts += [
+                    values | {hypothesis.terms[0]: zero} for zero in self.zeros(hypothesis.terms[0], values, below)
+                ]
             if starts:
-                fits = [self.converged(list(values), start) for start in starts]
-                values = min(fits, key=lambda fit: self.objective(self.fitted(list(fit), fit)[1]))
-                outcome = Outcome(each, values, self.errors_at(values, weights), before, squares)
+                fits = [self.fit_terms(list(values), start) for start in starts]
+                values = min(fits, key=lambda fit: self.objective(self.fit_model(list(fit), fit)[1]))
+                outcome = Outcome(hypothesis, values, self.errors_at(values, weights), before, squares)
             elif not nonlinear and outcome.gain >= SCREENED:
-                outcome = Outcome(each, self.converged(list(values), values), errors, before, squares)
-            found.append(outcome)
-        return found
+                outcome = Outcome(hypothesis, self.fit_terms(list(values), values), errors, before, squares)
+            outcomes.append(outcome)
+        return outcomes
 
     def errors_at(self, values: Mapping[Term, float], weights: Array) -> Array:
         """Held-out squares (B,) with the nuisance parameters at ``values``, refitted linearly in each fold."""
         W, tau = self.regressor_at(values)
-        x, _ = self.fitted(list(values), values)
+        x, _ = self.fit_model(list(values), values)
         A = np.concatenate([W, self.columns(list(values), values, W, x)], axis=-1)
         return self.held_out(self.products(A, tau, self.edges), weights)
 
@@ -318,12 +320,12 @@ class Comparison(NuisanceFit):
         levels = []
         for ratio in RATIOS:
             common = dict.fromkeys(terms, math.log(ratio))
-            levels.append((self.objective(self.fitted(terms, common)[1]), ratio))
+            levels.append((self.objective(self.fit_model(terms, common)[1]), ratio))
         fits = []
         for _, ratio in sorted(levels)[:BEST_OF_RATIOS]:
-            values = self.converged(terms, dict.fromkeys(terms, math.log(ratio)))
-            fits.append(self.converged(terms, values))
-        best = min(fits, key=lambda fit: self.objective(self.fitted(terms, fit)[1]))
+            values = self.fit_terms(terms, dict.fromkeys(terms, math.log(ratio)))
+            fits.append(self.fit_terms(terms, values))
+        best = min(fits, key=lambda fit: self.objective(self.fit_model(terms, fit)[1]))
         errors = self.joint_errors(best)
         ratios = np.exp([best[term] for term in terms])
         median = float(np.median(ratios))
@@ -383,7 +385,7 @@ class Comparison(NuisanceFit):
         if hypothesis.subject == "tilt":
             angle = math.degrees(math.hypot(*(value[term] for term in terms)))
             spread = math.degrees(max(deviation.get(term, 0.0) for term in terms))
-            return words.tilt(self.influence.tilted([value[term] for term in terms])), [
+            return words.tilt(self.influence.tilted_gravity([value[term] for term in terms])), [
                 f"by {angle:.3g} +- {spread:.2g} deg"
             ]
         if hypothesis.subject == "drift":

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.lab.identify.diagnosis.causes import Cause, Wording, merged
+from rrrgen.lab.identify.diagnosis.causes import Cause, Wording, merge_causes
 from rrrgen.lab.identify.diagnosis.hypotheses import Comparison, Finding
 from rrrgen.lab.identify.diagnosis.rules import (
     RecordedStretch,
@@ -19,7 +19,7 @@ from rrrgen.lab.identify.diagnosis.rules import (
     dissipation,
     limits,
     recorded_speed,
-    unexplained,
+    unexplained_joints,
 )
 from rrrgen.lab.identify.diagnosis.trial_fits import (
     FLOOR,
@@ -29,7 +29,13 @@ from rrrgen.lab.identify.diagnosis.trial_fits import (
     linear_stand_ins,
     sample_of,
 )
-from rrrgen.lab.identify.diagnosis.units_and_wiring import SCORE, CorrectedSample, corrected, magnitude, uncorrected
+from rrrgen.lab.identify.diagnosis.units_and_wiring import (
+    SCORE,
+    CorrectedSample,
+    correct_sample,
+    fit_uncorrected,
+    magnitude,
+)
 from rrrgen.lab.identify.observations import Recording
 from rrrgen.lab.identify.regressor import RigidModel
 from rrrgen.lab.plant.tracking import band_of, oscillation
@@ -56,42 +62,54 @@ def wording(spec: Any, recording: Recording) -> Wording:
 
 def diagnose_recordings(spec: Any, recordings: Sequence[Recording]) -> tuple[Cause, ...]:
     """Diagnose recordings without a fit: clock, recorded speeds, limits of the robot file ``spec``."""
-    found = []
+    causes = []
     for recording in recordings:
         motion = RecordedStretch.of(spec, wording(spec, recording), recording)
         for rule in BEFORE:
-            found += list(rule(motion))
-    return merged(found)
+            causes += list(rule(motion))
+    return merge_causes(causes)
 
 
-def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Identification) -> tuple[Cause, ...]:
+def diagnose_fit(
+    model: RigidModel, recordings: Sequence[Recording], identification: Identification
+) -> tuple[Cause, ...]:
     """Diagnose recordings by their torques: signs, exchanged columns, units, clock, missing terms, unexplained errors.
 
-    ``found`` is the identification of ``model`` from these recordings. Friction is linear here, whatever its law, and
+    ``identification`` is that of ``model`` from these recordings. Friction is linear here, whatever its law, and
     slow motion is left out as for linear friction. What that does not describe looks like other faults, a reversal over
     some distance like torques that are recorded late: faults are only named if they also explain torques from which the
     estimated laws were taken. These torques alone would not do, since a fault bends the laws that are fitted to them.
     """
-    regressor = AllTerms(model, linear_stand_ins(found.columns))
+    regressor = AllTerms(model, linear_stand_ins(identification.columns))
     causes: list[Cause] = []
     for recording in recordings:
-        sample = sample_of(recording, found.linear_processing)
-        if sample is not None and found.nuisances is not None:  # of tilt and drift; the recordings are corrected
-            corrections = found.nuisances.corrections
+        sample = sample_of(recording, identification.linear_processing)
+        if sample is not None and identification.nuisances is not None:
+            # of tilt and drift; the recordings are corrected
+            corrections = identification.nuisances.corrections
             sample = sample.without(corrections.columns.torque(sample, corrections.values))
         if sample is not None and int(np.sum(sample.use)) > len(regressor.names):
             words = wording(model.spec, recording)
             # a clock that is already known to be wrong is corrected, so that it does not hide other faults
-            sample = sample.slowed(clock_factor(RecordedStretch.of(model.spec, words, recording)))
+            sample = sample.stretch_time(clock_factor(RecordedStretch.of(model.spec, words, recording)))
             laws = None
-            if found.regressor is not None and found.regressor.surfaces:
-                laws = sample_of(recording, found.linear_processing, partial(found.regressor.law_torque, found.theta))
-            causes += _of_sample(regressor, sample, words, found, laws, recording.period)
-    return merged(causes)
+            if identification.regressor is not None and identification.regressor.surfaces:
+                laws = sample_of(
+                    recording,
+                    identification.linear_processing,
+                    partial(identification.regressor.law_torque, identification.theta),
+                )
+            causes += _of_sample(regressor, sample, words, identification, laws, recording.period)
+    return merge_causes(causes)
 
 
 def _of_sample(
-    regressor: AllTerms, sample: Sample, words: Wording, found: Identification, laws: Sample | None, period: float
+    regressor: AllTerms,
+    sample: Sample,
+    words: Wording,
+    identification: Identification,
+    laws: Sample | None,
+    period: float,
 ) -> list[Cause]:
     """Causes found in one sample, by what their repair leaves unexplained.
 
@@ -101,7 +119,7 @@ def _of_sample(
     recording, s.
     """
     names = regressor.names
-    estimated = [column.name for column in linear_stand_ins(found.columns)]
+    estimated = [column.name for column in linear_stand_ins(identification.columns)]
     inside = [k for k, name in enumerate(names) if name in estimated]
     # friction at every joint; an offset or a drive inertia that is not in the model may stand for gravity or a link
     plain = [k for k, name in enumerate(names) if name in estimated or name.startswith(("fv", "fc"))]
@@ -113,8 +131,8 @@ def _of_sample(
             *dissipation(regressor, put_right, fit, words),
         ]
 
-    best = corrected(sample, regressor, words, lambda each: len(impossible(each)))
-    plainly = Explained.of(regressor, uncorrected(sample, regressor), inside)
+    best = correct_sample(sample, regressor, words, lambda state: len(impossible(state)))
+    plainly = Explained.of(regressor, fit_uncorrected(sample, regressor), inside)
     if best.causes:
         repaired = Explained.of(regressor, best, inside)
         if best.scaled and repaired.error > EXPLAINED_BY_UNITS:
@@ -122,20 +140,20 @@ def _of_sample(
         if not plainly.findings or plainly.score > repaired.score + SCORE:
             plainly = repaired
     if plainly.error > EXPLAINED_BY_UNITS or plainly.state.scaled:  # ratios near 57 look like degrees
-        sides = Comparison(regressor, uncorrected(sample, regressor).sample, inside).gear_sides(words)
+        sides = Comparison(regressor, fit_uncorrected(sample, regressor).sample, inside).gear_sides(words)
         if sides is not None and score_of(sides[1]) < plainly.score - SCORE:
             return [sides[0]]
     findings, errors = plainly.findings, plainly.joint_errors
     if laws is not None and findings and not plainly.state.causes:  # else the laws were fitted to other torques
         known = sample.without(beyond_linear(laws, regressor.estimated))
-        beside = Comparison(regressor, uncorrected(known, regressor).sample, inside)
+        beside = Comparison(regressor, fit_uncorrected(known, regressor).sample, inside)
         findings = [finding for finding in findings if beside.is_explained_by(finding.outcome.hypothesis)]
         errors = errors if findings else beside.joint_errors({})
     findings = [finding for finding in findings if not is_held(finding, period)]
     causes = [*plainly.state.causes, *impossible(plainly.state)]
     if len(causes) == len(plainly.state.causes):
         causes += [plainly.comparison.cause(finding, words) for finding in by_joint(findings)]
-    return causes or list(unexplained(errors, found.whiteness, words))
+    return causes or list(unexplained_joints(errors, identification.whiteness, words))
 
 
 def is_held(finding: Finding, period: float) -> bool:
@@ -204,9 +222,9 @@ def _notes(recording: Recording) -> Iterator[str]:
         lowest = FASTEST_MOTION
         if part.reference is not None:
             lowest = 3.0 * band_of(np.diff(part.reference[:, i], n=2), period)
-        found = oscillation(torque, np.zeros_like(torque), float(np.abs(torque).max()), i, period, lowest / 3.0)
-        if found is not None:
-            swings.append(found)
+        joint_swing = oscillation(torque, np.zeros_like(torque), float(np.abs(torque).max()), i, period, lowest / 3.0)
+        if joint_swing is not None:
+            swings.append(joint_swing)
     if swings:
         worst = max(swings, key=lambda swing: swing.stop - swing.start)
         names = ", ".join(recording.joints[swing.joint] for swing in swings)

@@ -85,7 +85,7 @@ class RecordedStretch:
     def of(cls, spec: Any, words: Wording, recording: Recording) -> RecordedStretch:
         """The first stretch of ``recording``, cut to at most TUNING_SAMPLES samples."""
         part = next(iter(recording.parts()))
-        return cls(spec, words, part.sliced(0, min(len(part), TUNING_SAMPLES)), recording.period)
+        return cls(spec, words, part.slice_samples(0, min(len(part), TUNING_SAMPLES)), recording.period)
 
     @cached_property
     def bandwidth(self) -> float:
@@ -208,8 +208,8 @@ def _torques(motion: RecordedStretch) -> Iterator[Cause]:
 
     def overload(joints: list[int]) -> str:
         units = ["N m" if turns else "N" for turns in words.revolute]
-        each = (f"{words.joints[i]} up to {peaks[i]:.4g} {units[i]}, {over[i]:.3g} times its limit" for i in joints)
-        return f"torques of {', '.join(each)}"
+        phrases = (f"{words.joints[i]} up to {peaks[i]:.4g} {units[i]}, {over[i]:.3g} times its limit" for i in joints)
+        return f"torques of {', '.join(phrases)}"
 
     thousand = [i for i, ratio in over.items() if ratio > THOUSAND]
     if thousand:
@@ -218,8 +218,10 @@ def _torques(motion: RecordedStretch) -> Iterator[Cause]:
     strong = [i for i, ratio in over.items() if TOO_STRONG < ratio <= THOUSAND]
     if strong:
         yield Cause(
-            f"the torques of {words.named(strong)} are on another side or scale than the limits of the robot file",
-            f"`side`, `gear_ratio` or `constant` of {words.named(strong)} in the mapping, or `limits` in {words.robot}",
+            f"the torques of {words.name_joints(strong)} are on another side or scale than the limits of the robot "
+            "file",
+            f"`side`, `gear_ratio` or `constant` of {words.name_joints(strong)} in the mapping, or `limits` in "
+            f"{words.robot}",
             (overload(strong),),
             general=True,
         )
@@ -239,11 +241,11 @@ def recorded_speed(motion: RecordedStretch) -> Iterator[Cause]:
     """Report recorded speeds that are not the derivatives of the recorded positions."""
     if motion.part.dq is None or len(motion.part) <= 2 * LAG:
         return
-    own = motion.speeds()
-    sums = np.cumsum(np.vstack([np.zeros(own.shape[1]), motion.part.dq]), axis=0)
+    derivatives = motion.speeds()
+    sums = np.cumsum(np.vstack([np.zeros(derivatives.shape[1]), motion.part.dq]), axis=0)
     # the same mean over LAG steps, by trapezoids
     recorded = (sums[LAG + 1 :] - sums[: -LAG - 1] - 0.5 * (motion.part.dq[:-LAG] + motion.part.dq[LAG:])) / LAG
-    ratio, shape = _slopes(own, recorded)
+    ratio, shape = _slopes(derivatives, recorded)
     wrong = [i for i in range(len(ratio)) if shape[i] >= SHAPE and abs(ratio[i] - 1.0) > AGREES]
     near = {i: _nearest(ratio[i]) for i in wrong}
     everywhere = {near[i] for i in wrong} if len(wrong) == len(ratio) else set()
@@ -253,11 +255,11 @@ def recorded_speed(motion: RecordedStretch) -> Iterator[Cause]:
         return
     for i in wrong:
         if ratio[i] < 0.0 and abs(ratio[i] + 1.0) <= AGREES:
-            found = motion.words.wrong_sign(["position", "velocity"], i)
+            cause = motion.words.wrong_sign(["position", "velocity"], i)
         else:
-            found = motion.words.wrong_unit("velocity", [i], 1.0 / (near[i] or ratio[i]))
-        yield found.because(_ratios(motion.words, [i], ratio))
-    yield from _exchanged(motion, own, recorded, shape)
+            cause = motion.words.wrong_unit("velocity", [i], 1.0 / (near[i] or ratio[i]))
+        yield cause.because(_ratios(motion.words, [i], ratio))
+    yield from _exchanged_speeds(motion, derivatives, recorded, shape)
 
 
 def _slopes(x: Array, y: Array) -> tuple[Array, Array]:
@@ -278,19 +280,19 @@ def _ratios(words: Wording, joints: list[int], ratio: Array) -> str:
     return f"recorded speed over the derivative of the position: {ratios} (should be 1)"
 
 
-def _exchanged(motion: RecordedStretch, own: Array, recorded: Array, shape: Array) -> Iterator[Cause]:
+def _exchanged_speeds(motion: RecordedStretch, derivatives: Array, recorded: Array, shape: Array) -> Iterator[Cause]:
     """Report pairs of joints whose recorded speeds are exchanged.
 
-    ``own`` (N, n) are the derivatives of the positions, ``recorded`` (N, n) the recorded speeds, ``shape`` (n,) the
+    ``derivatives`` (N, n) are those of the positions, ``recorded`` (N, n) the recorded speeds, ``shape`` (n,) the
     squared correlation of the two at each joint.
     """
     for i in range(len(shape)):
         for k in range(i + 1, len(shape)):
             if shape[i] < 1.0 - SHAPE and shape[k] < 1.0 - SHAPE:
-                _, cross = _slopes(own[:, [i, k]], recorded[:, [k, i]])
+                _, cross = _slopes(derivatives[:, [i, k]], recorded[:, [k, i]])
                 if np.all(cross >= SHAPE):
                     pair = f"{motion.words.joints[i]} and {motion.words.joints[k]}"
-                    yield motion.words.swapped("velocity", i, k).because(
+                    yield motion.words.exchanged_columns("velocity", i, k).because(
                         f"the recorded speeds of {pair} follow the position of the other one "
                         f"(squared correlations {cross[0]:.2f} and {cross[1]:.2f}; of their own "
                         f"{shape[i]:.2f} and {shape[k]:.2f})"
@@ -306,7 +308,7 @@ COLOURED = 1.0
 """Durbin-Watson: 2 for noise, below 1 where neighbouring residuals correlate by more than a half."""
 
 
-def unexplained(joint_errors: Any, whiteness: tuple[Whiteness, ...], words: Wording) -> Iterator[Cause]:
+def unexplained_joints(joint_errors: Any, whiteness: tuple[Whiteness, ...], words: Wording) -> Iterator[Cause]:
     """Report joints with a large relative error (``joint_errors``, (n,)) and correlated residuals (``whiteness``)."""
     for i, (error, white) in enumerate(zip(np.asarray(joint_errors), whiteness, strict=False)):
         if error > LARGE and white.durbin_watson < COLOURED:

@@ -56,7 +56,7 @@ class Sample:
         """Number of joints."""
         return int(self.q.shape[1])
 
-    def moved(self, change: Array, zero: Array) -> Sample:
+    def transform_motion(self, change: Array, zero: Array) -> Sample:
         """A copy with the positions ``zero + change (q - zero)`` and the speeds and accelerations that follow.
 
         ``change`` is (n, n), ``zero`` (n,) in rad (m).
@@ -64,14 +64,16 @@ class Sample:
         q = zero + (self.q - zero) @ change.T
         return replace(self, q=q, dq=self.dq @ change.T, ddq=self.ddq @ change.T)
 
-    def slowed(self, factor: float) -> Sample:
+    def stretch_time(self, factor: float) -> Sample:
         """A copy with time stretched by ``factor``: speeds are divided by it, accelerations by its square."""
-        curves = tuple(_changed(curve, slower=factor) for curve in self.curves)
+        curves = tuple(_transform_curve(curve, slower=factor) for curve in self.curves)
         return replace(self, dq=self.dq / factor, ddq=self.ddq / factor**2, t=self.t * factor, curves=curves)
 
-    def mixed(self, mix: Array) -> Sample:
+    def mix_torques(self, mix: Array) -> Sample:
         """A copy with the torques ``tau @ mix``, (n, n)."""
-        return replace(self, tau=self.tau @ mix, curves=tuple(_changed(curve, mix=mix) for curve in self.curves))
+        return replace(
+            self, tau=self.tau @ mix, curves=tuple(_transform_curve(curve, mix=mix) for curve in self.curves)
+        )
 
     def without(self, torque: Array) -> Sample:
         """A copy whose torques are less by ``torque`` (N, n)."""
@@ -81,7 +83,7 @@ class Sample:
             curves.append(_spline(curve.x, curve(curve.x) - less(curve.x)))
         return replace(self, tau=self.tau - torque, curves=tuple(curves))
 
-    def thinned(self, count: int) -> Sample:
+    def thin(self, count: int) -> Sample:
         """A copy with at most ``count`` samples, spread evenly over those in use."""
         there = np.flatnonzero(self.use.any(axis=1))
         kept = there[np.linspace(0, len(there) - 1, min(len(there), max(1, count))).astype(int)]
@@ -93,12 +95,12 @@ class Sample:
 
         At the ends of a stretch the nearest ones.
         """
-        found = np.empty_like(self.tau)
+        torques = np.empty_like(self.tau)
         for k, curve in enumerate(self.curves):
             here = self.stretch == k
             for j, delay in enumerate(delays):
-                found[here, j] = curve(np.clip(self.t[here] + delay, curve.x[0], curve.x[-1]), derivative)[:, j]
-        return found
+                torques[here, j] = curve(np.clip(self.t[here] + delay, curve.x[0], curve.x[-1]), derivative)[:, j]
+        return torques
 
 
 def _spline(t: Array, tau: Array) -> Any:
@@ -111,20 +113,20 @@ def _spline(t: Array, tau: Array) -> Any:
 def joined_samples(samples: Sequence[Sample]) -> Sample:
     """Several samples as one, each a second after the one before it."""
     names = ("q", "dq", "ddq", "tau", "use", "t", "stretch")
-    found: dict[str, list[Any]] = {name: [] for name in names}
+    signals: dict[str, list[Any]] = {name: [] for name in names}
     curves: list[Any] = []
     later, count = 0.0, 0
     for sample in samples:
-        later = float(found["t"][-1][-1] - sample.t[0]) + 1.0 if count else 0.0
+        later = float(signals["t"][-1][-1] - sample.t[0]) + 1.0 if count else 0.0
         moved = replace(sample, t=sample.t + later, stretch=sample.stretch + count)
         count = int(moved.stretch[-1]) + 1
         for name in names:
-            found[name].append(getattr(moved, name))
-        curves += [_changed(curve, later=later) for curve in sample.curves]
-    return Sample(**{name: np.concatenate(parts) for name, parts in found.items()}, curves=tuple(curves))
+            signals[name].append(getattr(moved, name))
+        curves += [_transform_curve(curve, later=later) for curve in sample.curves]
+    return Sample(**{name: np.concatenate(parts) for name, parts in signals.items()}, curves=tuple(curves))
 
 
-def _changed(curve: Any, slower: float = 1.0, mix: Array | None = None, later: float = 0.0) -> Any:
+def _transform_curve(curve: Any, slower: float = 1.0, mix: Array | None = None, later: float = 0.0) -> Any:
     """A cubic spline of torques in a time stretched by ``slower``, times the matrix ``mix``, and ``later`` (s)."""
     from scipy.interpolate import PPoly
 
@@ -140,11 +142,11 @@ def sample_of(recording: Recording, processing: Processing, torque: KnownTorque 
     """
     decimate = Decimator(processing.decimate or 1)
     memory = RowMaker(lambda q, dq, ddq: q, processing, 1).memory(recording.period)
-    found: dict[int, list[tuple[Any, ...]]] = {}
+    segments: dict[int, list[tuple[Any, ...]]] = {}
     knots: dict[int, list[tuple[Array, Array]]] = {}
     read = 0
     for window in windows(recording, memory):
-        part = window.part.aligned()
+        part = window.part.align_torques()
         if part.tau is None:
             return None
         motion = reconstruct(part, processing)
@@ -157,14 +159,14 @@ def sample_of(recording: Recording, processing: Processing, torque: KnownTorque 
         # windows overlap by the memory of the filters, whose samples would count twice
         kept = kept_of(decimate, part.first, window.start, window.stop, len(part))
         row = (*parts, use, decimate.times(part.t, part.first))
-        found.setdefault(part.segment, []).append(tuple(x[kept] for x in row))
+        segments.setdefault(part.segment, []).append(tuple(x[kept] for x in row))
         at, dense = decimate.dense(tau, part.first)
         inside = (at >= window.start) & (at < window.stop)
         knots.setdefault(part.segment, []).append((part.t[at[inside]], dense[inside]))
         read += window.stop - window.start
         if read >= MOST_READ:
             break
-    joined = {k: tuple(np.concatenate(x) for x in zip(*pieces, strict=True)) for k, pieces in found.items()}
+    joined = {k: tuple(np.concatenate(x) for x in zip(*pieces, strict=True)) for k, pieces in segments.items()}
     joined = {k: rows for k, rows in joined.items() if len(rows[-1]) >= SHORTEST_STRETCH}
     stretches = list(joined.values())
     if not stretches or not any(rows[4].any() for rows in stretches):
@@ -199,10 +201,10 @@ class AllTerms:
     @property
     def drives(self) -> tuple[Column, ...]:
         """All columns of drive and friction terms, those estimated from the recordings first."""
-        own = tuple(column for column in self.estimated if column.kind != "rigid")
+        estimated_columns = tuple(column for column in self.estimated if column.kind != "rigid")
         every = DriveTerms.everywhere(self.model.n, "inertia", "viscous", "coulomb", "offset").columns(self.model.n)
-        names = {column.name for column in own}
-        return own + tuple(column for column in every if column.name not in names)
+        names = {column.name for column in estimated_columns}
+        return estimated_columns + tuple(column for column in every if column.name not in names)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -217,11 +219,11 @@ class AllTerms:
     def inertia(self, theta: Sequence[float] | Array) -> Array:
         """Contribution (n,) of the drives to the diagonal of M, kg m^2 (kg), for parameters ``theta`` (p,)."""
         values = np.asarray(theta)[len(self.model.base_parameter_names) :]
-        found = np.zeros(self.model.n)
+        inertia = np.zeros(self.model.n)
         for column, value in zip(self.drives, values, strict=True):
             if column.kind == "inertia":
-                found += value * np.asarray(column.direction) ** 2
-        return found
+                inertia += value * np.asarray(column.direction) ** 2
+        return inertia
 
 
 def linear_stand_ins(columns: Sequence[Column]) -> tuple[Column, ...]:
@@ -229,15 +231,15 @@ def linear_stand_ins(columns: Sequence[Column]) -> tuple[Column, ...]:
 
     A law with coefficients for each direction is also replaced by an offset, which it contains.
     """
-    found = {column.name: column for column in columns if column.kind != "law"}
+    stand_ins = {column.name: column for column in columns if column.kind != "law"}
     for column in columns:
         if column.kind == "law":
             end = re.search(r"(\d+|_\w+)$", column.name)
             offset = (("offset", "off"),) if column.name.startswith("coulomb_p") else ()
             for kind, symbol in (("viscous", "fv"), ("coulomb", "fc"), *offset):
                 name = f"{symbol}{end.group() if end else ''}"
-                found.setdefault(name, Column(name, kind, column.direction))
-    return tuple(found.values())
+                stand_ins.setdefault(name, Column(name, kind, column.direction))
+    return tuple(stand_ins.values())
 
 
 def beyond_linear(friction: Sample, columns: Sequence[Column]) -> Array:
@@ -279,7 +281,7 @@ class Trial:
     """
 
     def __init__(self, regressor: Regressor, sample: Sample) -> None:
-        self.sample = sample = sample.thinned(MOST_ROWS // sample.n)
+        self.sample = sample = sample.thin(MOST_ROWS // sample.n)
         W = np.asarray(regressor(sample.q, sample.dq, sample.ddq))
         self.columns = W.shape[-1]
         self.counts = np.maximum(1, np.sum(sample.use, axis=0))

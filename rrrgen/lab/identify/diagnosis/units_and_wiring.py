@@ -76,16 +76,16 @@ def _against_links(g: Array, M: Array, g0: Array, M0: Array, words: Wording) -> 
     by_gravity = float(np.sqrt(np.sum(g**2))) / pull if pull > 0.0 else np.nan
     # sums over joints, dominated by the heavy ones: in a wrist, unstated drive inertia may exceed that of the links
     like = np.array(words.revolute) if any(words.revolute) else np.ones(len(words.joints), bool)
-    total, own = float(np.sum(np.abs(np.mean(M, axis=0))[like])), float(np.sum(np.mean(M0, axis=0)[like]))
-    if not (total > 0.0 and own > 0.0):
+    total, link_inertia = float(np.sum(np.abs(np.mean(M, axis=0))[like])), float(np.sum(np.mean(M0, axis=0)[like]))
+    if not (total > 0.0 and link_inertia > 0.0):
         return
-    by_inertia = total / own
+    by_inertia = total / link_inertia
     evidence = f"inertia {by_inertia:.3g} times that of the robot file's links"
     evidence += "" if np.isnan(by_gravity) else f", gravity torques {by_gravity:.3g} times theirs"
-    each = np.abs(np.mean(M, axis=0)) / np.maximum(np.mean(M0, axis=0), np.finfo(float).tiny)
-    off = [i for i, ratio in enumerate(each) if not 1.0 / BETWEEN <= ratio <= BETWEEN]
-    joints = off or list(range(len(each)))
-    yield from _judged(by_gravity, by_inertia, (1.0 / BETWEEN, BETWEEN), evidence, joints, words)
+    ratios = np.abs(np.mean(M, axis=0)) / np.maximum(np.mean(M0, axis=0), np.finfo(float).tiny)
+    off = [i for i, ratio in enumerate(ratios) if not 1.0 / BETWEEN <= ratio <= BETWEEN]
+    joints = off or list(range(len(ratios)))
+    yield from _judge_masses(by_gravity, by_inertia, (1.0 / BETWEEN, BETWEEN), evidence, joints, words)
 
 
 def _against_reach(spec: Any, g: Array, M: Array, sample: Sample, words: Wording) -> Iterator[Cause]:
@@ -98,10 +98,10 @@ def _against_reach(spec: Any, g: Array, M: Array, sample: Sample, words: Wording
     # an offset d along the first axis does not add to the distance from it
     sizes = [abs(a) if i == 0 else max(abs(a), abs(d)) for i, (_, _, a, d, _) in enumerate(spec.dh_table())]
     travel = np.ptp(sample.q, axis=0)
-    own = np.array([size if words.revolute[i] else max(size, travel[i]) for i, size in enumerate(sizes)])
-    reach = np.maximum(np.cumsum(own[::-1])[::-1], SMALLEST_LENGTH)
+    lengths = np.array([size if words.revolute[i] else max(size, travel[i]) for i, size in enumerate(sizes)])
+    reach = np.maximum(np.cumsum(lengths[::-1])[::-1], SMALLEST_LENGTH)
     turning = np.array(words.revolute)
-    if not turning.any() or float(np.sum(own)) <= SMALLEST_LENGTH:
+    if not turning.any() or float(np.sum(lengths)) <= SMALLEST_LENGTH:
         return
     arm = np.where(turning, reach, 1.0)
     pull = float(np.linalg.norm([float(v) for v in spec.gravity]))
@@ -112,10 +112,10 @@ def _against_reach(spec: Any, g: Array, M: Array, sample: Sample, words: Wording
     upright = by_gravity > LEVEL / SQUARED * by_inertia
     evidence += f", the gravity torques that of {by_gravity:.3g} kg" if upright else ""
     gravity = by_gravity / volume if upright else np.nan
-    yield from _judged(gravity, by_inertia / volume, DENSITY, evidence, range(len(words.joints)), words)
+    yield from _judge_masses(gravity, by_inertia / volume, DENSITY, evidence, range(len(words.joints)), words)
 
 
-def _judged(
+def _judge_masses(
     gravity: float, inertia: float, allowed: tuple[float, float], evidence: str, joints: Sequence[int], words: Wording
 ) -> Iterator[Cause]:
     """Report a wrong torque unit of ``joints``, or a wrong clock, from the masses implied by gravity and inertia.
@@ -196,28 +196,28 @@ class CorrectedSample:
     @property
     def sample(self) -> Sample:
         """The sample with corrected motion and torques."""
-        return self.trial.sample.mixed(self.mix)
+        return self.trial.sample.mix_torques(self.mix)
 
 
-def uncorrected(sample: Sample, regressor: Regressor) -> CorrectedSample:
+def fit_uncorrected(sample: Sample, regressor: Regressor) -> CorrectedSample:
     """The sample as it is, with its fit."""
     start = Trial(regressor, sample)
     return CorrectedSample(start, np.eye(sample.n), start.fit())
 
 
-def corrected(
-    sample: Sample, regressor: Regressor, words: Wording, doubts: Doubts = lambda found: 0
+def correct_sample(
+    sample: Sample, regressor: Regressor, words: Wording, doubts: Doubts = lambda state: 0
 ) -> CorrectedSample:
     """Apply the best correction repeatedly until none improves the fit enough.
 
     Among corrections with equal errors, those that leave the fewest ``doubts`` (impossible signs and masses) are
     preferred: a wrong sign at one joint, for instance, is explained equally well by reversing all the others.
     """
-    first = uncorrected(sample, regressor)
+    first = fit_uncorrected(sample, regressor)
     runs = []
     for choice in range(CHOICES):
-        found, choices = _descent(first, regressor, words, doubts, choice)
-        runs.append((doubts(found), choice, found))
+        state, choices = _descent(first, regressor, words, doubts, choice)
+        runs.append((doubts(state), choice, state))
         if runs[-1][0] == 0 or choice + 1 >= choices:
             break
     now = min(runs, key=lambda run: run[:2])[2]
@@ -241,7 +241,10 @@ def _descent(
             break
         alike = [(change, after, doubts(after)) for change, after in tried if after.fit.score - best < TIE]
         fewest = min(doubt for *_, doubt in alike)
-        alike = sorted((each for each in alike if each[2] == fewest), key=lambda each: each[1].fit.score)
+        alike = sorted(
+            (correction for correction in alike if correction[2] == fewest),
+            key=lambda correction: correction[1].fit.score,
+        )
         at = choice if choices == 1 and choice < len(alike) else 0
         choices = max(choices, len(alike))
         alike.insert(0, alike.pop(at))
@@ -280,8 +283,8 @@ def changes(sample: Sample, words: Wording) -> Iterator[Change]:
             P = unit.copy()
             P[[i, k]] = P[[k, i]]
             if words.revolute[i] == words.revolute[k]:
-                yield Change(words.swapped("position", i, k), "position", P)
-            yield Change(words.swapped("torque", i, k), "torque", P)
+                yield Change(words.exchanged_columns("position", i, k), "position", P)
+            yield Change(words.exchanged_columns("torque", i, k), "torque", P)
     for factor in THOUSANDS:
         yield Change(words.clock(factor), None, unit, slower=factor)
 
@@ -297,9 +300,9 @@ def _corrected_fit(change: Change, now: CorrectedSample, regressor: Regressor, w
     if change.signal == "position":
         N = _transmission(words, "position", n)
         zero = np.zeros(n) if words.mapping is None else np.array([joint.zero for joint in words.mapping.joints])
-        moved = trial.sample.moved(np.asarray(np.linalg.solve(N, change.matrix @ N)), zero)
+        moved = trial.sample.transform_motion(np.asarray(np.linalg.solve(N, change.matrix @ N)), zero)
     else:
-        moved = trial.sample.slowed(change.slower)
+        moved = trial.sample.stretch_time(change.slower)
     other = Trial(regressor, moved)
     return CorrectedSample(other, mix, other.fit(mix))
 

@@ -25,7 +25,7 @@ class Inertia:
     com: Array
     tensor: Array
 
-    def moved(self, T: Array) -> Inertia:
+    def transform(self, T: Array) -> Inertia:
         """The inertia expressed in another frame; ``T`` (4, 4) is the pose of the present frame in that one."""
         R = T[:3, :3]
         return Inertia(self.mass, R @ self.com + T[:3, 3], R @ self.tensor @ R.T)

@@ -122,28 +122,28 @@ def denavit_hartenberg(
     With ``fixed_rows``, fixed rows hold the tilt of nearly parallel axes; otherwise there is a row for every joint. A
     chain with branches has modified rows.
     """
-    found = _JointWalk(chain, convention, number(tolerance), fixed_rows).result
+    table = _JointWalk(chain, convention, number(tolerance), fixed_rows).result
     if not chain.branches:
-        return found
-    row_of = {row.joint: i for i, row in enumerate(found.rows)}
-    found.tips[chain.tip] = row_of[chain.trunk - 1], found.tool
+        return table
+    row_of = {row.joint: i for i, row in enumerate(table.rows)}
+    table.tips[chain.tip] = row_of[chain.trunk - 1], table.tool
     for branch in chain.branches:
         carrier = row_of[branch.parent] if branch.parent >= 0 else -1
-        frame = found.link_frames[carrier] if carrier >= 0 else found.base
+        frame = table.link_frames[carrier] if carrier >= 0 else table.base
         if not branch.joints:
-            found.tips[branch.tip] = carrier, inverse(frame) @ branch.tip_pose
+            table.tips[branch.tip] = carrier, inverse(frame) @ branch.tip_pose
             continue
         more = _JointWalk(chain, convention, number(tolerance), fixed_rows, branch, frame).result
         first, *rows = more.rows
         for k, row in enumerate(rows):
-            row.parent = len(found.rows) + k - 1 if k else carrier
+            row.parent = len(table.rows) + k - 1 if k else carrier
         rows[0].start = first
-        row_of |= {row.joint: len(found.rows) + k for k, row in enumerate(rows)}
-        found.rows += rows
-        found.link_frames += more.link_frames[1:]
-        found.rounded += more.rounded
-        found.tips[branch.tip] = len(found.rows) - 1, more.tool
-    return found
+        row_of |= {row.joint: len(table.rows) + k for k, row in enumerate(rows)}
+        table.rows += rows
+        table.link_frames += more.link_frames[1:]
+        table.rounded += more.rounded
+        table.tips[branch.tip] = len(table.rows) - 1, more.tool
+    return table
 
 
 class _JointWalk:
@@ -189,14 +189,14 @@ class _JointWalk:
 
         It starts at the last origin and meets the next axis where that crosses the plane normal to z.
         """
-        p, u = self._seen(point, direction)
+        p, u = self._axis_in_last_frame(point, direction)
         _, height = self._perpendicular(p, u)
         if abs(height) <= FAR:
             return None
         met = p - p[2] / u[2] * u
         return self.frame[:3, 3], self.frame[:3, :3] @ (met / norm(met))
 
-    def _seen(self, point: Array, direction: Array) -> tuple[Array, Array]:
+    def _axis_in_last_frame(self, point: Array, direction: Array) -> tuple[Array, Array]:
         """An axis in the last frame."""
         to_frame = inverse(self.frame)
         return to_frame[:3, :3] @ point + to_frame[:3, 3], to_frame[:3, :3] @ direction
@@ -212,7 +212,7 @@ class _JointWalk:
 
     def _to_axis(self, point: Array, direction: Array, convention: Convention, joint: int | None) -> None:
         """Complete the last row so that it leads to the next axis (``point``, ``direction``), and begin its row."""
-        p, u = self._seen(point, direction)
+        p, u = self._axis_in_last_frame(point, direction)
         x, height = self._perpendicular(p, u)
         theta = self._exact(HIGH.atan2(x[1], x[0]))
         x = vector((HIGH.cos(theta), HIGH.sin(theta), 0))
@@ -291,7 +291,7 @@ def _across(z: Array, candidates: Sequence[Array]) -> Array:
     for x in candidates:
         if abs(sum(x * z)) <= EQUAL:
             return x
-    x = min(candidates, key=lambda each: abs(sum(each * z)))
+    x = min(candidates, key=lambda candidate: abs(sum(candidate * z)))
     x = x - sum(x * z) * z
     return np.asarray(x / norm(x))
 
@@ -346,8 +346,8 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
         description=f"{chain.base} to {', '.join([chain.tip, *(branch.tip for branch in chain.branches)])}",
     )
     held = {joint: float(value) for joint, value in chain.held.items()}
-    offsets = tuple(0.0 if each is None else float(each.offset) for each in followed_rows(chain))
-    moving = tuple(each.joint.name for each in chain.joints)
+    offsets = tuple(0.0 if followed is None else float(followed.offset) for followed in followed_rows(chain))
+    moving = tuple(chain_joint.joint.name for chain_joint in chain.joints)
     places = tuple(i for i, row in enumerate(table.rows) if row.joint is not None)
     links_of_tips = dict(zip(tips, table.tips, strict=True))
     imported = ImportedChain(chain.base, chain.tip, moving, held, offsets, places, links_of_tips)
@@ -423,7 +423,9 @@ def _rows(names: list[str], chain: SerialChain, table: DenavitHartenberg, choice
         if row.joint is None:
             behind = names[table.rows[i + 1].joint or 0]
             name = next(
-                each for each in in_turn((f"tilt_{behind}",), map("tilt{}".format, count(1))) if each not in taken
+                candidate
+                for candidate in in_turn((f"tilt_{behind}",), map("tilt{}".format, count(1)))
+                if candidate not in taken
             )
             taken.add(name)
             rows.append(JointSpec(name, "revolute", **geometry))
@@ -457,7 +459,7 @@ def link_in_frame(inertia: Inertia | None, frame: Array) -> LinkSpec:
     """
     if inertia is None:
         return LinkSpec(sp.S.Zero, (sp.S.Zero,) * 3, (sp.S.Zero,) * 6, "com")
-    moved = inertia.moved(inverse(frame))
+    moved = inertia.transform(inverse(frame))
     x, y, z = (decimal(value) for value in moved.com)
     places = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     return LinkSpec(decimal(moved.mass), (x, y, z), tuple(decimal(moved.tensor[place]) for place in places), "com")

@@ -110,7 +110,7 @@ def exact_angle(angle: Any) -> sp.Expr:
 def exact_length(length: Any) -> sp.Expr:
     """Convert ``length`` to a short decimal, or one times sqrt(2), sqrt(3) or sqrt(6); else round to 25 decimals."""
     for root in (1, 2, 3, 6):
-        short = _rounded(length / HIGH.sqrt(root), SHORT)
+        short = _round_to_decimals(length / HIGH.sqrt(root), SHORT)
         if abs(number(short) * HIGH.sqrt(root) - length) <= EQUAL:
             return short * sp.sqrt(root)
     return decimal(length)
@@ -118,11 +118,11 @@ def exact_length(length: Any) -> sp.Expr:
 
 def decimal(value: Any) -> sp.Rational:
     """Convert ``value`` to an exact rational: a short decimal if it is one, otherwise rounded to 25 decimals."""
-    short = _rounded(value, SHORT)
-    return short if abs(number(short) - value) <= EQUAL else _rounded(value, LONG)
+    short = _round_to_decimals(value, SHORT)
+    return short if abs(number(short) - value) <= EQUAL else _round_to_decimals(value, LONG)
 
 
-def _rounded(value: Any, digits: int) -> sp.Rational:
+def _round_to_decimals(value: Any, digits: int) -> sp.Rational:
     return sp.Rational(int(HIGH.nint(value * HIGH.mpf(10) ** digits)), 10**digits)
 
 
@@ -131,7 +131,7 @@ def without_noise(value: Any) -> Any:
 
     Otherwise ``value`` is returned as it is.
     """
-    short = number(_rounded(value, 9))
+    short = number(_round_to_decimals(value, 9))
     return short if abs(short - value) <= NOISE else value
 
 

@@ -148,19 +148,19 @@ def _check_held(tree: Tree, held: Mapping[str, Any], faults: FaultList) -> None:
     names = [joint.name for joint in tree.joints if joint.kind in MOVING]
     for name in held:
         if name not in names:
-            hint = did_you_mean(name, names) or f"joints that can be held: {_listed(names)}"
+            hint = did_you_mean(name, names) or f"joints that can be held: {_list_names(names)}"
             faults.error(None, f"there is no joint '{name}' to hold", hint)
 
 
 def _body(name: str, tree: Tree, faults: FaultList, what: str) -> str | None:
     if name in tree.bodies:
         return name
-    hint = did_you_mean(name, list(tree.bodies)) or f"links are {_listed(list(tree.bodies))}"
+    hint = did_you_mean(name, list(tree.bodies)) or f"links are {_list_names(list(tree.bodies))}"
     faults.error(None, f"the {what}: there is no link '{name}'", hint)
     return None
 
 
-def _listed(names: list[str]) -> str:
+def _list_names(names: list[str]) -> str:
     more = f", ... ({len(names)} in all)" if len(names) > MAX_NAMED else ""
     return ", ".join(names[:MAX_NAMED]) + more
 
@@ -196,11 +196,11 @@ def _path(tree: Tree, base: str, tip: str) -> Iterator[tuple[TreeJoint, bool]]:
     above = tree.joint_above()
 
     def to_root(body: str) -> list[TreeJoint]:
-        found = []
+        joints = []
         while body in above:
-            found.append(above[body])
+            joints.append(above[body])
             body = above[body].parent
-        return found
+        return joints
 
     up, down = to_root(base), to_root(tip)
     while up and down and up[-1] is down[-1]:
@@ -311,10 +311,10 @@ def _links(tree: Tree, owner: dict[str, int], poses: Mapping[str, Array], count:
                 carried[other] = carried[body]
                 stack.append(other)
     links: list[Inertia | None] = [None] * (count + 1)
-    for each in tree.bodies.values():
-        if each.inertia is not None and each.name in carried:
-            k = carried[each.name]
-            links[k] = (links[k] or NO_INERTIA) + each.inertia.moved(poses[each.name])
+    for tree_body in tree.bodies.values():
+        if tree_body.inertia is not None and tree_body.name in carried:
+            k = carried[tree_body.name]
+            links[k] = (links[k] or NO_INERTIA) + tree_body.inertia.transform(poses[tree_body.name])
     return tuple(links[1:])
 
 
@@ -337,16 +337,16 @@ def followed_rows(chain: SerialChain) -> list[Followed | None]:
 
     A joint may follow a driven joint through other mimic joints.
     """
-    places = {each.joint.name: k for k, each in enumerate(chain.joints)}
-    found: list[Followed | None] = []
-    for each in chain.joints:
-        joint, factor, offset = each.joint, sp.S.One, sp.S.Zero
+    places = {chain_joint.joint.name: k for k, chain_joint in enumerate(chain.joints)}
+    motions: list[Followed | None] = []
+    for chain_joint in chain.joints:
+        joint, factor, offset = chain_joint.joint, sp.S.One, sp.S.Zero
         while joint.mimic is not None:
             offset += factor * decimal(joint.mimic.offset)
             factor *= decimal(joint.mimic.multiplier)
             joint = chain.joints[places[joint.mimic.of]].joint
-        found.append(None if joint is each.joint else Followed(places[joint.name], factor, offset))
-    return found
+        motions.append(None if joint is chain_joint.joint else Followed(places[joint.name], factor, offset))
+    return motions
 
 
 def with_followers(
@@ -362,30 +362,33 @@ def with_followers(
     ``parents`` are the rows that carry them.
     Friction, inertia and limits of a following joint are transferred to the joint that it follows; a warning says so.
     """
-    found = followed_rows(chain)
-    if not any(found) and None not in places and not chain.branches:
+    motions = followed_rows(chain)
+    if not any(motions) and None not in places and not chain.branches:
         return tuple(joints), None
     rows = list(joints)
     row_of = {joint: k for k, joint in enumerate(places) if joint is not None}
-    follows = {row_of[k]: None if each is None else replace(each, of=row_of[each.of]) for k, each in enumerate(found)}
+    follows = {
+        row_of[k]: None if followed is None else replace(followed, of=row_of[followed.of])
+        for k, followed in enumerate(motions)
+    }
     matrix = []
-    driven = [k for k, each in follows.items() if each is None]
+    driven = [k for k, followed in follows.items() if followed is None]
     for k, row in enumerate(joints):
         if k not in follows:
             matrix.append([sp.S.Zero for _ in driven])
             continue
-        each = follows[k]
-        matrix.append([sp.S.One if (k if each is None else each.of) == i else sp.S.Zero for i in driven])
-        if each is None:
+        followed = follows[k]
+        matrix.append([sp.S.One if (k if followed is None else followed.of) == i else sp.S.Zero for i in driven])
+        if followed is None:
             continue
-        offset = {"theta" if row.is_revolute else "d": (row.theta if row.is_revolute else row.d) + each.offset}
-        rows[each.of] = _carrying(rows[each.of], row, float(each.factor))
+        offset = {"theta" if row.is_revolute else "d": (row.theta if row.is_revolute else row.d) + followed.offset}
+        rows[followed.of] = _carrying(rows[followed.of], row, float(followed.factor))
         # limits count from the zero of the row's own variable, which now is the offset
-        bounds = (None if v is None else v - float(each.offset) for v in (row.limits.lower, row.limits.upper))
+        bounds = (None if v is None else v - float(followed.offset) for v in (row.limits.lower, row.limits.upper))
         rows[k] = replace(row, limits=Limits(*bounds), friction=None, drive=None, **offset)
-        matrix[-1] = [value * each.factor for value in matrix[-1]]
+        matrix[-1] = [value * followed.factor for value in matrix[-1]]
         place = chain.joints[places[k] or 0].joint.place
-        message = f"joint '{row.name}' follows '{rows[each.of].name}' and is no joint of q"
+        message = f"joint '{row.name}' follows '{rows[followed.of].name}' and is no joint of q"
         hint = "its friction, inertia and limits of position and speed count at the joint that it follows"
         torque = "" if row.limits.torque is None else "; its torque limit is left out"
         faults.warning(place, message, hint + torque)
@@ -401,9 +404,9 @@ def _carrying(joint: JointSpec, row: JointSpec, factor: float) -> JointSpec:
     if not size:
         return joint
     ends = {name: getattr(joint.limits, name) for name in ("velocity", "acceleration")}
-    for name, own in ends.items():
+    for name, limit in ends.items():
         other = getattr(row.limits, name)
-        ends[name] = own if other is None else other / size if own is None else min(own, other / size)
+        ends[name] = limit if other is None else other / size if limit is None else min(limit, other / size)
     friction, drive = joint.friction, joint.drive
     if row.friction is not None:
         old = friction or FrictionSpec()
@@ -415,8 +418,8 @@ def _carrying(joint: JointSpec, row: JointSpec, factor: float) -> JointSpec:
     return replace(joint, limits=replace(joint.limits, **ends), friction=friction, drive=drive)
 
 
-def _total(own: float | None, other: float | None, weight: float) -> float | None:
-    return own if other is None else (own or 0.0) + weight * other
+def _total(coefficient: float | None, other: float | None, weight: float) -> float | None:
+    return coefficient if other is None else (coefficient or 0.0) + weight * other
 
 
 # ------------------------------------------------------------------------------------------------------------------

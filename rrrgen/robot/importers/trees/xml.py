@@ -128,11 +128,11 @@ class _XmlReader:
         """The places where the values of the attributes ``names`` of the tag at offset ``start`` begin."""
         end, places = start, {}
         for name in names:
-            found = re.compile(rb"\s" + re.escape(name.encode()) + rb"\s*=\s*[\"']").search(self.data, end)
-            if found is None:
+            match = re.compile(rb"\s" + re.escape(name.encode()) + rb"\s*=\s*[\"']").search(self.data, end)
+            if match is None:
                 continue
-            end = self.data.find(found.group()[-1:], found.end())
-            places[name] = self._place(found.end())
+            end = self.data.find(match.group()[-1:], match.end())
+            places[name] = self._place(match.end())
         return places
 
     def _end(self, _: str) -> None:
@@ -182,22 +182,22 @@ class Values:
 
     def one(self, element: Element, name: str, default: str | None = None) -> Any:
         """Read one number of an attribute; 0 after a fault."""
-        found = self.numbers(element, name, 1, default)
-        return found[0] if found else number(0)
+        numbers = self.numbers(element, name, 1, default)
+        return numbers[0] if numbers else number(0)
 
     def float_or_none(self, element: Element | None, name: str) -> float | None:
         """Read one number of an attribute as a float; None if the attribute is missing."""
         if element is None or name not in element.attributes:
             return None
-        found = self.numbers(element, name, 1)
-        return float(found[0]) if found else None
+        numbers = self.numbers(element, name, 1)
+        return float(numbers[0]) if numbers else None
 
     def not_negative(self, element: Element, name: str) -> float:
         """Read one number of 0 or more, 0 if the attribute is missing; a fault for a negative one."""
-        found = self.float_or_none(element, name) or 0.0
-        if found < 0:
-            self.faults.error(element.place_of(name), f"{name} of <{element.tag}> is {found:g}", "0 or more")
-        return found
+        value = self.float_or_none(element, name) or 0.0
+        if value < 0:
+            self.faults.error(element.place_of(name), f"{name} of <{element.tag}> is {value:g}", "0 or more")
+        return value
 
     def three(self, element: Element, name: str, default: str | None = "0 0 0") -> list[Any]:
         """Read three numbers of an attribute; zeros after a fault."""
@@ -263,7 +263,7 @@ def refuse_unknown(
         for name in element.attributes:
             if name in names or ":" in name or name == "xmlns":
                 continue
-            guess = did_you_mean(name, [each for each in names if each not in element.attributes])
+            guess = did_you_mean(name, [candidate for candidate in names if candidate not in element.attributes])
             if guess or element.tag in strict:
                 hint = guess or f"attributes are {', '.join(names)}"
                 faults.error(element.place_of(name), f"<{element.tag}> has no attribute '{name}'", hint)
