@@ -8,6 +8,7 @@ import platform
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Mapping, Sequence
 from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader
 from pathlib import Path
@@ -18,6 +19,8 @@ from rrrgen.base.errors import BuildError, StorageError, storage_error
 from rrrgen.emit.c.compilers import Compiler, find_compiler, include_directory, processor
 
 _loaded: dict[str, tuple[Any, Any]] = {}
+_building = threading.Lock()
+"""Threads whose first calls need the same library would each build it."""
 
 
 def build_extension(
@@ -38,15 +41,16 @@ def build_extension(
         identity.append(processor())
     contents = [text for name in sorted(sources) for text in (name, sources[name])]
     key = digest(*identity, *flags, cdef, *contents)
-    if key not in _loaded:
-        module = f"_rrrgen_{key[:24]}"
-        stem = f"{module_key}-{key[:24]}"
-        path = recall_library(stem)
-        if path is None:
-            path = keep_library(stem, _build(module, sources, cdef, compiler, flags))
-            prune()
-        _loaded[key] = _load(path, module)
-    return _loaded[key]
+    with _building:
+        if key not in _loaded:
+            module = f"_rrrgen_{key[:24]}"
+            stem = f"{module_key}-{key[:24]}"
+            path = recall_library(stem)
+            if path is None:
+                path = keep_library(stem, _build(module, sources, cdef, compiler, flags))
+                prune()
+            _loaded[key] = _load(path, module)
+        return _loaded[key]
 
 
 def _build(module: str, sources: Mapping[str, str], cdef: str, compiler: Compiler, flags: Sequence[str]) -> bytes:

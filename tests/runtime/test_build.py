@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,15 @@ def test_sources_become_callable_and_are_built_once(cache, monkeypatch):
     monkeypatch.setattr(build_module, "_build", lambda *_: pytest.fail("built again"))
     _, again = build_extension(SOURCES, CDEF, "twice")
     assert again.twice(1.0) == 2.0
+
+
+def test_threads_that_want_the_same_library_build_it_once(cache, monkeypatch):
+    builds, build = [], build_module._build
+    monkeypatch.setattr(build_module, "_build", lambda *given: builds.append(given) or build(*given))
+    with ThreadPoolExecutor(4) as pool:
+        results = list(pool.map(lambda x: build_extension(SOURCES, CDEF, "twice")[1].twice(x), [1.0, 2.0, 3.0, 4.0]))
+    assert results == [2.0, 4.0, 6.0, 8.0]
+    assert len(builds) == 1
 
 
 def test_a_batch_builds_the_loop_of_its_function_alone(cache):
