@@ -187,14 +187,14 @@ class Dyad:
 
     def by(self, k: int) -> Plane:
         """The velocity of the pin for a unit rate of coordinate ``k``, turned back by a quarter turn."""
-        return _by(self._vectors, k, self._use)
+        return _pin_velocity(self._vectors, k, self._use)
 
     def second(self, one: Sequence[Any], other: Sequence[Any]) -> Plane:
         """The acceleration of the pin that is bilinear in two rates of x, turned back by a quarter turn.
 
         For equal rates it is the acceleration for zero second derivatives of x.
         """
-        return _second(self._vectors, one, other, self._use)
+        return _pin_acceleration(self._vectors, one, other, self._use)
 
 
 class SolvedLoops:
@@ -303,7 +303,7 @@ class NewtonLoops(SolvedLoops):
         if any(all(is_number(rate, 0) for rate in rates) for rates in (one, other)):
             return [0] * len(self.positions)
         both = self.rates(one), self.rates(other)
-        moved = [v for vectors in self._loops for v in _second(vectors, *both, self._use)]
+        moved = [v for vectors in self._loops for v in _pin_acceleration(vectors, *both, self._use)]
         return [*[0] * self.n, *self._matrix.solve([_minus(v) for v in moved])]
 
     def _turns(self, k: int) -> bool:
@@ -311,7 +311,7 @@ class NewtonLoops(SolvedLoops):
 
     def _pin_velocities(self, k: int) -> list[Any]:
         """The velocities (2 loops,) of the pins for a unit rate of coordinate ``k``, turned back by a quarter turn."""
-        return [v for vectors in self._loops for v in _by(vectors, k, self._use)]
+        return [v for vectors in self._loops for v in _pin_velocity(vectors, k, self._use)]
 
 
 class _Rotated:
@@ -372,8 +372,11 @@ def _total(values: Any) -> Any:
     return total
 
 
-def _by(vectors: Sequence[_Vector], k: int, use: Arithmetic) -> Plane:
-    """The velocity of a pin for a unit rate of coordinate ``k``, turned back by a quarter turn."""
+def _pin_velocity(vectors: Sequence[_Vector], k: int, use: Arithmetic) -> Plane:
+    """The velocity of a pin, the end of a sum of ``vectors``, for a unit rate of coordinate ``k``.
+
+    It is rotated by minus 90 degrees in the plane of the loop: of a vector v that turns, ``v`` instead of ``z x v``.
+    """
     total: Plane = (0, 0)
     for one in vectors:
         total = _plus(total, _scale(use.constant(one.segment.turning[k]), one.vector))
@@ -382,8 +385,8 @@ def _by(vectors: Sequence[_Vector], k: int, use: Arithmetic) -> Plane:
     return total
 
 
-def _second(vectors: Sequence[_Vector], one: Sequence[Any], other: Sequence[Any], use: Arithmetic) -> Plane:
-    """The acceleration of a pin that is bilinear in two rates of x, turned back by a quarter turn.
+def _pin_acceleration(vectors: Sequence[_Vector], one: Sequence[Any], other: Sequence[Any], use: Arithmetic) -> Plane:
+    """The part of the acceleration of a pin that is bilinear in two rates of x, rotated like :func:`_pin_velocity`.
 
     For equal rates it is the acceleration for zero second derivatives of x.
     """

@@ -208,9 +208,10 @@ def robust_least_squares(
 
 
 def _huber_factors(blocks: Iterable[Rows], theta: Array, sigma: Array, limit: float) -> tuple[JointFactors, Array]:
-    """Factors of the rows times ``sqrt(min(1, limit/|u|)) / sigma``, and the sums of ``min(u^2, limit^2)`` per joint.
+    """Factor the rows with the square roots of Huber's weights, ``sqrt(min(1, limit/|u|)) / sigma``.
 
-    ``u = r / sigma`` are the residuals r of ``theta`` scaled by ``sigma`` (n,).
+    Returns the factors, and the sum of ``min(u^2, limit^2)`` of each joint (n,). ``u = r / sigma`` are the
+    residuals r of ``theta`` scaled by ``sigma`` (n,).
     """
     total: JointFactors | None = None
     clipped = np.zeros(len(sigma))

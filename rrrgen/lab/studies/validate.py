@@ -113,7 +113,7 @@ class ValidationResult(StudyResult):
         return force_units(self.robot)
 
     def lines(self, width: int | None = None, verdict: Callable[[str, bool], str] = plain_verdict) -> list[str]:
-        """The report: scores and the verdict, written by ``verdict(text, passed)``."""
+        """The lines of the report: scores, then the verdict as ``verdict(text, passed)`` formats it."""
         from rrrgen.lab.identify.scores import UNKNOWN, score_table
         from rrrgen.lab.identify.validation import joint_scores
 
