@@ -54,7 +54,7 @@ def factorization_facts(program: Program, mass: Program, box: Box) -> list[Fact]
     known = {port.name: box[port.name] for port in program.inputs if port.role is not Role.TORQUE}
     with mpmath.workdps(DIGITS):
         read = in_either_order(
-            torque_port(program).size, lambda order: _require_same_sums(Factorization(program, mass, state, order))
+            mass.data_outputs[0].shape[0], lambda order: _require_same_sums(Factorization(program, mass, state, order))
         )
     rows = enclosures(with_results(program, [read.summands(index) for index in read.pivots]), known, budget=0.0)
     u, n = DOUBLE.roundoff, read.n
@@ -238,6 +238,8 @@ class Factorization:
                     S[i][j] -= S[i][k] * L[j][k]
                 if abs(S[i][j]) < abs(self.M[i][i] * self.M[j][j]) ** 0.5 * mpmath.mpf(10) ** -SAME:
                     S[i][j] = mpmath.mpf(0)
+            if S[j][j] == 0:
+                raise NoBoundError(REARRANGED)
             for i in range(j + 1, n):
                 L[i][j] = S[i][j] / S[j][j]
         return S, L

@@ -7,10 +7,11 @@ parameters are within the ranges of their table, which ``_check`` sees to; ``_ch
 The model functions that it calls are analysed by themselves, with any bits in their inputs; in a tick
 a function stands in for each that writes any bits, so that what is shown does not depend on what they compute.
 
-Forward dynamics and its derivatives factorize M. That the entries of the factors are bounded follows from relations
-between them, so that for many joints EVA cannot exclude that a divisor is zero or that a number overflows. There it
-takes bounds of pivots and factors as they are, which :func:`rrrgen.evidence.factorization.factorization_facts` proves
-where the status is ok and no pivot is below 2^-50 kg m^2 (kg), smaller than the inertia of any arm; the row says so.
+Forward dynamics, its derivatives and the dynamics of elastic joints factorize M. That the entries of the factors are
+bounded follows from relations between them, so that for many joints EVA cannot exclude that a divisor is zero or that a
+number overflows. There it takes bounds of pivots and factors as they are, which
+:func:`rrrgen.evidence.factorization.factorization_facts` proves where the status is ok and no pivot is below
+2^-50 kg m^2 (kg), smaller than the inertia of any arm; the row says so.
 
 EVA knows no relations between variables. Where the code relies on one, the analysed text says the same in another way:
 the bits that show whether numbers are finite are read as comparisons (a test holds that both agree), ``fabs`` as a
@@ -45,7 +46,7 @@ from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
 from rrrgen.evidence.factorization import LEAST_PIVOT, Fact, factorization_facts
 from rrrgen.evidence.rounding import NoBoundError
 from rrrgen.ik.classify import plan as make_plan
-from rrrgen.program import Builder, Port
+from rrrgen.program import Builder, Op, Port, Role
 
 if TYPE_CHECKING:
     from rrrgen.base.parallel import Tell
@@ -688,15 +689,26 @@ WITH_FACTS = f"where the status is ok and no pivot of M is below {LEAST_PIVOT:.1
 
 
 def known_facts(model: DerivedModel, name: str, box: Mapping[str, PortRange]) -> list[Fact]:
-    """The facts about the factors of M in the function ``name``; none if it has no such factors that are recognised."""
-    suffix = "_nominal" if name.endswith("_nominal") else ""
-    mass = model.programs.get(f"mass_matrix{suffix}")
-    if mass is None or name.removesuffix(suffix) not in ("forward_dynamics", "forward_dynamics_derivatives"):
+    """The facts about the factors of M in the function ``name``; none if it has no such factors that are recognised.
+
+    A function with elastic joints factorizes the mass matrix of the links alone: drive inertia, which it does not read,
+    is zero there.
+    """
+    program = model.programs[name]
+    mass = model.programs.get("mass_matrix_nominal" if name.endswith("_nominal") else "mass_matrix")
+    given = {port.name for port in program.inputs}
+    if mass is None or program.status is None or not given.issuperset(port.name for port in mass.inputs):
         return []
+    read = {node.place for node in program.nodes if node.op is Op.INPUT}
+    bounds: dict[str, tuple[Sequence[float], Sequence[float]]] = {
+        port: port_range.bounds for port, port_range in box.items()
+    }
+    for place, port in enumerate(program.inputs):
+        if port.role is Role.BASE_PARAMETERS:
+            of_read = [[x if (place, k) in read else 0.0 for k, x in enumerate(row)] for row in bounds[port.name]]
+            bounds[port.name] = of_read[0], of_read[1]
     try:
-        return factorization_facts(
-            model.programs[name], mass, {port: port_range.bounds for port, port_range in box.items()}
-        )
+        return factorization_facts(program, mass, bounds)
     except NoBoundError:
         return []
 

@@ -33,7 +33,7 @@ from rrrgen.evidence.value_analysis import (
 )
 from rrrgen.ik.classify import plan
 from rrrgen.program import Builder, Port
-from rrrgen.robot.file import read
+from rrrgen.robot.file import bundled_path, read
 
 needs_frama_c = pytest.mark.skipif(not value_analysis.is_available(), reason="Frama-C is not installed")
 
@@ -134,6 +134,23 @@ def test_forward_dynamics_of_six_and_seven_joints_stays_finite_where_the_status_
         assert function_alarms(program, box, tmp_path, facts=facts) == []
     assert function_alarms(program, box, tmp_path)
     assert known_facts(derived, "bias", box) == []
+
+
+def test_elastic_joints_factorize_the_mass_matrix_of_the_links_without_drive_inertia(tmp_path):
+    text = bundled_path("rrr").read_text(encoding="utf-8")
+    text = text.replace("encoder_resolution: 1e-5", "encoder_resolution: 1e-5, inertia: 0.05")
+    (tmp_path / "driven.yaml").write_text(text, encoding="utf-8")
+    names = ("elastic_forward_dynamics", "elastic_feedback_linearization")
+    functions = [find(name) for name in ("mass_matrix", "bias", *names)]
+    derived = Optimizer()(record(prepare(read(tmp_path / "driven.yaml")), functions), 1, None)
+    for name in names:
+        program = derived.programs[name]
+        box = box_of(program, derived.spec, nominal_beta(derived), Ranges())
+        facts = known_facts(derived, name, box)
+        assert len({fact.after for fact in facts}) == 3
+        if value_analysis.is_available():
+            assert function_alarms(program, box, tmp_path)
+            assert function_alarms(program, box, tmp_path, facts=facts) == []
 
 
 BITS = """#include "pendulum_controller.c"
