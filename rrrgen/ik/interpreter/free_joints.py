@@ -50,6 +50,10 @@ class FreeJoints:
                 self._find_free(row)
         kept, least = list(rows), TOLERANCE["free"]
         pending = sum(bool(row.free) for row in rows)
+        # A vector that is only rounding error still has a direction, and a joint angle computed from it looks
+        # determined. Too small a threshold accepts such angles; too large a one frees joints that the target does
+        # determine. So it starts small and grows, and what it frees is tested: the candidates that it joins must be
+        # connected by a path of solutions.
         while pending > 0 and least < 2 * TOLERANCE["doubt"]:
             for wide in self._candidates(self._query.reference, least):
                 same = [row for row in kept if wide.free and self._is_same_branch(row, wide.free, wide.branch)]

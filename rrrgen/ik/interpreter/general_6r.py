@@ -2,7 +2,7 @@
 
 The equations are those of :mod:`rrrgen.ik.solutions.elimination`, in the same labellings as in the emitted C. There the
 kept angle is a root of a determinant. Here the tangent of half of it is an eigenvalue, whose eigenvector gives the two
-eliminated joints, so that the two backends find the roots by methods that share no code.
+eliminated joints (Manocha and Canny 1994), so that the two backends find the roots by methods that share no code.
 """
 
 from __future__ import annotations
@@ -90,6 +90,8 @@ class General6R:
             return []
         for roles, _ in passes(self._tables, "double"):
             total = self._complete(roles)
+            # Only the roots at the target itself tell how many solutions it has. At a nudged target, roles[-1] > 0,
+            # coinciding roots have separated: it serves to find the solutions that they hide, and is not counted.
             here = here if roles[-1] > 0 else total
             gains = [_smallest_gain(self._task, row.q) for row in self._rows]
             self.certain = here in (len(gains), self._count_solutions(gains))
@@ -221,6 +223,8 @@ def _roots(e: Sequence[Any], roles: tuple[int, int, int], slide: int | None) -> 
     with np.errstate(divide="ignore", invalid="ignore"):  # the elimination adds roots +-i, which are no angles
         angles, near = 2.0 * np.arctan(tangents), ELIMINATION["cluster"]
     tried = [k for k in range(len(angles)) if -near < angles[k].imag < ELIMINATION["complex"]]
+    # Where roots coincide, the null vectors that come with them are any basis of one null space, and rounding turns a
+    # double root into a pair of complex ones. So roots nearer than ``near`` are taken apart together by their span.
     clusters: list[list[int]] = []
     for k in sorted(tried, key=lambda k: float(angles[k].real)):
         if clusters and abs(angles[clusters[-1][-1]] - angles[k]) < near:
@@ -261,6 +265,9 @@ def _pairs(vectors: Any, *, slides: bool) -> tuple[list[tuple[float, float]], in
     if len(vectors) > 1:
         left, size, _ = np.linalg.svd(np.concatenate([vectors.real, vectors.imag]).T)
         span = left[:, : max(1, min(len(vectors), int((size > ELIMINATION["mixed"] * size[0]).sum())))]
+        # Multiplication matrices (Auzinger and Stetter 1988). That of x cannot part solutions that share x, nor that of
+        # y those that share y; sums of both with weights in no simple ratio can. The one whose eigenvalues lie farthest
+        # apart is used.
         maps = [np.linalg.lstsq(low, high, rcond=None)[0] for low, high in (_by_x(span), _by_y(span))]
         maps += [0.8 * maps[0] - 0.6 * maps[1], 0.47 * maps[0] + 0.88 * maps[1]]
         parts = [np.linalg.eig(matrix) for matrix in maps]
@@ -296,6 +303,9 @@ def _eigenvalues(m: Any) -> tuple[Any, Any]:
     ``m`` has shape (3, k, k). Times 1 + x^2 the matrix is quadratic in x; the angle is counted from the direction, of
     :data:`VIEWS`, for which the matrix of x^2 is conditioned best. Returns the 2 k tangents and vectors, both complex.
     """
+    # A quadratic eigenvalue problem as a linear one of twice the size, by the block companion matrix. An angle of pi
+    # has no finite tangent of its half, and a root near it makes the leading matrix singular: hence the choice of the
+    # view.
     turns = 2.0 * pi * np.arange(VIEWS) / VIEWS
     leads = m[0] - np.cos(turns)[:, None, None] * m[1] - np.sin(turns)[:, None, None] * m[2]
     best = int(np.argmin(np.linalg.cond(leads)))

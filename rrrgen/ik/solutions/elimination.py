@@ -105,6 +105,8 @@ def _search(table: Sequence[Sequence[float]], slide: int | None, turn: float) ->
     """Score all eliminations of a chain on sample poses, which takes about two seconds; see :func:`eliminations`."""
     rows = [(cos(alpha), sin(alpha), float(a), float(d)) for alpha, a, d in table]
     links = constant_links(rows, slide, (cos(turn), sin(turn)))
+    # The seed is fixed: the choice, and with it the emitted code, is the same on every machine. Targets are made from
+    # joint angles, so that one root of every sample, the kept angle among them, is known.
     draw = Random(6)
     samples = [[draw.uniform(-pi, pi) for _ in range(6)] for _ in range(POSES)]
     loops = [[*links[:5], multiply(links[5], inverse(_pose(links, q, slide)))] for q in samples]
@@ -191,6 +193,10 @@ class _Mark:
 def _mark(h: HalfAngles, angle: float) -> _Mark:
     """Look at the equations ``h`` of one pose, whose kept angle is known: ``angle``, rad."""
     values, size = _determinants(h)
+    # The discrete Fourier transform of the samples are the coefficients c[0] .. c[12] of the trigonometric polynomial.
+    # Twelve rows of degree 1 would make degree 12. In powers of the tangent of half the kept angle the determinant has
+    # the factor (1 + x^2)^4 (Raghavan and Roth), so that above degree 8 only rounding is left if the elimination suits
+    # the chain.
     c = [
         complex(
             sum(v * WAVES[j * k % SAMPLES][0] for j, v in enumerate(values)) / SAMPLES,
@@ -249,6 +255,8 @@ def _determinants(h: HalfAngles) -> tuple[list[float], float]:
     for c, s in WAVES:
         m = [[x + c * y + s * z for x, y, z in zip(*rows, strict=True)] for rows in zip(*h, strict=True)]
         size = max(size, prod(hypot(*row) for row in m) ** 2)
+        # The corner blocks have three columns in six rows each. They are eliminated first; a 6 x 6 determinant is left,
+        # with less than half the operations of a 12 x 12 one.
         outer, upper = _pivots(m, 3)
         inner, lower = _pivots([row[6:] + row[:6] for row in m], 3)
         last, _ = _pivots(upper + lower, 6)
@@ -323,6 +331,8 @@ def pencil(e: Sequence[Matrix], slide: int | None) -> list[list[float]]:
         near = [transform_features(transform, part) for part in parts]
     back = inverse(e[0])
     first = [transform_features(back, part) for part in rotate_features(transform_features(inverse(e[5]), LINE), -1.0)]
+    # The other side is a sum over the products of (1, cos, sin) of joints 1 and 2. Its constant part joins that of the
+    # near side; the other eight span what is to vanish, and 14 - 8 directions are perpendicular to them.
     constant, *turning = [part for f in first for part in rotate_features(f, -1.0)]
     near[0] = [x - y for x, y in zip(near[0], constant, strict=True)]
     order = [near[9 * k + 3 * j + i][1:] for i in range(3) for j in range(3) for k in range(3)]

@@ -110,6 +110,8 @@ def calibrate(nominal: Geometry, measured: Measurements, robust: bool = False, s
     plain = _fit(start, measured, chosen.kept, ones, steps)
     geometry, weights = plain.state, ones
     if robust:
+        # Tukey's cost has several local minima, Huber's is convex in a linear problem: Huber's solution is the start of
+        # Tukey's. Many outliers pull it off too, hence the trimmed fit where most residuals stay too large.
         geometry, weights = _reweight(geometry, measured, chosen.kept, steps, (_huber, _tukey))
         if measured.kind in FEW and _scale(geometry, measured) > SUSPICIOUS:
             other = trimmed_fit(nominal, measured, chosen.kept, HALF)
@@ -157,6 +159,9 @@ def trimmed_fit(
     random, fits = np.random.default_rng(0), []
     ends = tuple(entry for entry in nominal.entries() if entry.place in ("base", "tool"))
     few = FEW[measured.kind]
+    # A group of few measurements is free of outliers with some probability, so that one of many groups is. Base and
+    # tool alone are fitted to a group: few measurements do not determine all parameters, and the largest errors are
+    # those of the two.
     for _ in range(GROUPS):
         rows = random.choice(len(measured.q), few, replace=False)
         group = measured.of(rows, measured.q[rows])

@@ -2,7 +2,8 @@
 
 In the discrete Fourier transform of a recording, the response and the transient (and leakage) T from the recording's
 ends are smooth over a few lines, and noise is not. A polynomial of order 2 in the line number, fitted to neighbouring
-lines, describes the smooth parts; its residuals give the covariance of the noise.
+lines, describes the smooth parts; its residuals give the covariance of the noise (Pintelon, Schoukens, Vandersteen and
+Barbe 2010).
 """
 
 from __future__ import annotations
@@ -65,6 +66,8 @@ def whole_periods(record: ResponseRecording, samples: int) -> tuple[Array, int]:
             "separated from the response only where it repeats: record at least two whole periods, better ten, no gaps"
         )
     rows = np.column_stack([record.n, record.u, record.q])[len(record.n) - M * samples :]
+    # The ramp of a joint at constant speed would leak into all lines. The mean over whole periods is used, since a line
+    # fitted to all samples would follow the periodic motion as well.
     slope = (rows[samples:] - rows[:-samples]).mean(axis=0) / samples
     return rows - np.multiply.outer(np.arange(len(rows)), slope), M
 
@@ -147,6 +150,8 @@ def regress_window(inputs: Complex, outputs: Complex) -> tuple[Complex, Complex,
     r = (np.arange(lines) - lines // 2)[:, None] / (lines // 2)
     powers = r ** np.arange(ORDER + 1)
     K = np.concatenate([inputs * powers, np.broadcast_to(powers, (len(inputs), *powers.shape))], axis=2)
+    # Columns with the spectrum of the input and those of the transient, plain powers, differ by orders of magnitude,
+    # which the cut-off of the pseudo-inverse would take for dependence: all are brought to one length first.
     size = np.linalg.norm(K, axis=1, keepdims=True)
     K = K / np.where(size > 0.0, size, 1.0)
     inverse = np.linalg.pinv(K, rcond=1e-10)
