@@ -73,6 +73,8 @@ def verify(
     from rrrgen.runtime import load
     from rrrgen.verify import verify as compare
 
+    if backend == "numpy" and real == "float":
+        raise click.UsageError("--real float belongs to --backend c: the reference evaluation computes in double")
     spec = read_with_warnings(robot)
     with progress_bar() as tell:
         model = load.compile(spec, backend, real)

@@ -35,9 +35,13 @@ class Struct:
             raise AttributeError(_unknown(name, self.data.dtype.names or ()))
         kind, shape = self.data.dtype[name].base, self.data.dtype[name].shape
         if kind.kind in "iu":
-            self.data[name] = operator.index(value)
+            self.data[name] = _whole_number(name, value, np.iinfo(kind))
             return
-        given = np.asarray(value, dtype=float)
+        try:
+            given = np.asarray(value)
+            given = given.astype(float, casting="same_kind" if given.dtype.kind == "c" else "unsafe")
+        except (TypeError, ValueError):
+            raise ValueError(f"{name} must be {'numbers' if shape else 'a number'}, not {value!r}") from None
         if given.shape not in ((), shape) and given.size != np.prod(shape, dtype=int):
             raise ValueError(f"{name} must be {shape[0] if shape else 1} numbers, not {given.shape}")
         self.data[name] = given if given.shape in ((), shape) else given.reshape(shape)
@@ -54,6 +58,17 @@ class Struct:
         return int(self.data.ctypes.data)
 
 
+def _whole_number(name: str, value: Any, limits: Any) -> int:
+    """The whole number ``value`` of the field ``name``; raises ValueError for another one or one beyond ``limits``."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise ValueError(f"{name} must be a whole number, not {value!r}") from None
+    if not limits.min <= number <= limits.max:
+        raise ValueError(f"{name} must be from {limits.min} to {limits.max}, not {number}")
+    return number
+
+
 def struct_type(description: Mapping[str, Any], real: str) -> np.dtype[Any]:
     """The structured type of NumPy that lays out a struct of the description like C."""
     kinds = {"real": "f8" if real == "double" else "f4", "int32": "i4", "uint32": "u4"}
@@ -67,6 +82,15 @@ def struct_type(description: Mapping[str, Any], real: str) -> np.dtype[Any]:
             "itemsize": description["size"],
         }
     )
+
+
+def _take(struct: Struct, values: Mapping[str, Any]) -> None:
+    """Set fields of ``struct`` by name; raises ValueError for an unknown name or a value that cannot be one."""
+    for name, value in values.items():
+        try:
+            setattr(struct, name, value)
+        except AttributeError as error:
+            raise ValueError(str(error)) from None
 
 
 def _unknown(name: str, known: Sequence[str]) -> str:
@@ -113,11 +137,7 @@ class Controller:
         call("default", self._whole())
         self.mode = mode or next(reversed(description["modes"]))
         self._number(self.mode)
-        for name, value in parameters.items():
-            try:
-                setattr(self.params, name, value)
-            except AttributeError as error:
-                raise ValueError(str(error)) from None
+        _take(self.params, parameters)
         self._refuse(call("check", self._whole()))
 
     def __repr__(self) -> str:
@@ -152,7 +172,7 @@ class Controller:
         Raises:
             ValueError: a parameter is wrong, or the readings are not finite.
         """
-        self._take(readings)
+        _take(self._input, readings)
         self._refuse(self._call("init", self._state.ctypes.data, self._whole(), self._input.address))
 
     def set(self, **parameters: Any) -> None:
@@ -164,8 +184,7 @@ class Controller:
         Raises:
             ValueError: a parameter is wrong; those in use stay.
         """
-        for name, value in parameters.items():
-            setattr(self.params, name, value)
+        _take(self.params, parameters)
         self._refuse(self._call("set", self._state.ctypes.data, self._whole()))
 
     def reset(self, **readings: Any) -> None:
@@ -177,7 +196,7 @@ class Controller:
         Raises:
             ValueError: the reset is refused, since samples are not good yet, or readings not finite.
         """
-        self._take(readings)
+        _take(self._input, readings)
         self._refuse(self._call("reset", self._state.ctypes.data, self._input.address))
 
     def step(
@@ -194,7 +213,7 @@ class Controller:
         Returns:
             The output: ``tau``, ``status``, ``phase`` and so on. It is overwritten by the next call.
         """
-        self._take(inputs)
+        _take(self._input, inputs)
         self.mode = self.mode if mode is None else mode
         self._input.mode = self._number(self.mode)
         self._input.dt = self.params.Ts if dt is None else dt
@@ -228,13 +247,6 @@ class Controller:
         if ticks:
             self._input.data[...] = given[-1]
         return outputs
-
-    def _take(self, values: Mapping[str, Any]) -> None:
-        for name, value in values.items():
-            try:
-                setattr(self._input, name, value)
-            except AttributeError as error:
-                raise ValueError(str(error)) from None
 
     def faults(self, status: int) -> dict[str, str]:
         """The bits of a status, each name with its text.

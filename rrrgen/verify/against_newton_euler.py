@@ -22,7 +22,7 @@ from rrrgen.verify.references.friction_laws import (
 )
 from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, BaseState, NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, motor_loads, motor_speeds
-from rrrgen.verify.report import Check, Collector, Tolerances, curvature, rate, size
+from rrrgen.verify.report import Check, Collector, Tolerances, curvature, curvature_scale, rate, size
 from rrrgen.verify.subject import SPEED, Case, States, draw_states
 
 if TYPE_CHECKING:
@@ -281,8 +281,9 @@ def check_floating_second_derivatives(case: Case) -> None:
     first, second = rate(weighted_forces, SECOND_STEP), curvature(weighted_forces, SECOND_STEP)
     name = "floating_inverse_dynamics_hessian"
     close(f"{name}: gradient' v", lambda: np.einsum("ki,ki->k", answer()[0], direction), first)
-    close(f"{name}: v' H v", lambda: np.einsum("ki,kij,kj->k", direction, answer()[1], direction), second)
-    close(f"{name}_product: v' H v", product, second)
+    scale = curvature_scale(second, weighted_forces(0.0))
+    close(f"{name}: v' H v", lambda: np.einsum("ki,kij,kj->k", direction, answer()[1], direction), second, scale=scale)
+    close(f"{name}_product: v' H v", product, second, scale=scale)
 
 
 def is_nearly_special(spec: RobotSpec) -> bool:

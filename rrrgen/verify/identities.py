@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, centre_and_tensor
-from rrrgen.verify.report import STENCIL, Check, Collector, Row, Tolerances, curvature, rate, size
+from rrrgen.verify.report import STENCIL, Check, Collector, Row, Tolerances, curvature, curvature_scale, rate, size
 from rrrgen.verify.subject import Case, States, random_parameters
 
 if TYPE_CHECKING:
@@ -205,8 +205,9 @@ def check_second_derivatives(case: Case) -> None:
     second = dot(w, curvature(lambda t: torques(t, last), SECOND_STEP))
     turning = rate(lambda t: ne.mass_matrix(s.q + t * vq), SECOND_STEP)
     close("inverse_dynamics_hessian: gradient' v", lambda: dot(answer()[0], direction), first)
-    close("inverse_dynamics_hessian: v' H v", lambda: quadratic(answer()[1]), second)
-    close("inverse_dynamics_hessian_product: v' H v", lambda: dot(product(), direction), second)
+    scale = curvature_scale(second, dot(w, torques(0.0, last)))
+    close("inverse_dynamics_hessian: v' H v", lambda: quadratic(answer()[1]), second, scale=scale)
+    close("inverse_dynamics_hessian_product: v' H v", lambda: dot(product(), direction), second, scale=scale)
     close("mass_matrix_derivatives: dM/dq vq", lambda: slopes() @ vq[:, None, :, None], turning[..., None])
     M = ne.mass_matrix(s.q)
     if not np.all(is_definite(M, case.tolerances)):
@@ -219,6 +220,7 @@ def check_second_derivatives(case: Case) -> None:
         "forward_dynamics_hessian: v' H v",
         lambda: quadratic(model.forward_dynamics_hessian(s.q, s.dq, tau, weights, beta=beta)[1]),
         expected,
+        scale=curvature_scale(expected, dot(w, tau)),
     )
 
 

@@ -21,7 +21,7 @@ from rrrgen.verify.against_newton_euler import changed_friction
 from rrrgen.verify.identities import SECOND_STEP
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array
-from rrrgen.verify.report import curvature, rate, size
+from rrrgen.verify.report import curvature, curvature_scale, rate, size
 from rrrgen.verify.subject import Case
 
 PERIOD = 2.0**-10  # s, of functions that keep a state
@@ -706,7 +706,8 @@ def _second_derivatives(case: _Case) -> None:
         return np.asarray(sum(factor * np.einsum("nijk,nj,nk->ni", part, x, y) for part, x, y, factor in pairs))
 
     name = "inverse_dynamics_second_derivatives"
-    case.close(f"{name}: v' H v", along, curvature(torques, SECOND_STEP))
+    second = curvature(torques, SECOND_STEP)
+    case.close(f"{name}: v' H v", along, second, scale=curvature_scale(second, torques(0.0)))
     turning = rate(lambda t: ne.mass_matrix(s.q + t * vq), SECOND_STEP)
     case.close(f"{name}: dM/dq vq", lambda: np.einsum("nijk,nk->nij", answer()[3], vq), turning)
 

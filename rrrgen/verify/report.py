@@ -179,6 +179,16 @@ def relative_difference(value: Array, expected: Array, scale: float) -> float:
     return size(value - expected) / max(scale, 1e-300)
 
 
+LEAST_CURVATURE = 1e-3
+"""A second difference that is smaller than this share of the values may be rounding: that of torques that are linear in
+the states is nothing else."""
+
+
+def curvature_scale(second: Array, values: Array) -> float:
+    """What errors of the second derivative ``second`` of ``values`` are relative to; see :data:`LEAST_CURVATURE`."""
+    return max(size(second), LEAST_CURVATURE * size(values))
+
+
 class Check(Protocol):
     """Interface of a comparison with one reference, for one set of parameters, at one tolerance."""
 

@@ -94,6 +94,7 @@ def test_output_that_cannot_be_written_is_no_bad_input(arguments, rrrgen):
         ("calibrate ur5 --poses file.csv --kind height", "--kind: goes with --choose"),
         ("certify --check . --speed 3 -j 1", "--speed, --jobs: has no effect with --check"),
         ("certify rrr --check . -o here", "--output: has no effect with --check"),
+        ("verify rrr --backend numpy --real float", "--real float belongs to --backend c"),
         ("response vibration --mode 9:.1 --rate 1000 -o v --band 1 2", "--band: chooses among the modes of MODEL"),
         ("response vibration model.json -o v --no-notch --peak 2", "--peak: describes notches, and none is designed"),
         ("response vibration model.json -o v --shaper none --tolerance .1", "--tolerance: is that of a shaper"),

@@ -209,6 +209,7 @@ def test_the_code_is_strict_and_defined_for_all_inputs(tmp_path, real):
         parse = "-fsyntax-only"  # only gcc has warnings that need the optimizer
         for command in (
             ["gcc", "-std=c99", "-O2"],
+            ["gcc", "-std=c99", "-Os"],
             ["clang", "-std=c99", parse],
             ["g++", *cpp, parse],
             ["clang++", *cpp, parse],

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rrrgen.emit import Real
-from rrrgen.robot.spec import RobotSpec
+from rrrgen.robot.friction.laws import LAWS
+from rrrgen.robot.spec import FrictionSpec, RobotSpec
 
 Contents = str | bytes
 
@@ -74,11 +75,22 @@ class Exporter:
     further: tuple[str, ...] = ()
 
 
-def unused_entries(spec: RobotSpec, kept: Collection[str] = ()) -> Iterator[str]:
+def viscous_and_coulomb(friction: FrictionSpec | None) -> tuple[float | None, float | None]:
+    """The viscous and the Coulomb coefficient of ``friction``, of its law if it has one; None where there is none."""
+    if friction is None:
+        return None, None
+    if friction.law is None:
+        return friction.viscous, friction.coulomb
+    names = (parameter.name for parameter in LAWS[friction.law.name].parameters)
+    of_law = dict(zip(names, friction.law.values, strict=True))
+    return of_law.get("viscous"), of_law.get("coulomb")
+
+
+def unused_entries(spec: RobotSpec, kept: Collection[str] = (), motors: bool = False) -> Iterator[str]:
     """Yield one sentence for each kind of joint entry that the robot file states and the export format loses.
 
     ``kept`` are the keys that the format can hold, of acceleration, offset, gear_ratio, torque_constant,
-    encoder_resolution, stiffness and damping.
+    encoder_resolution, stiffness and damping. ``motors`` says whether it holds the friction of coupled drives.
     """
     owners = {
         "acceleration": ("limits", "limits of the acceleration"),
@@ -89,8 +101,13 @@ def unused_entries(spec: RobotSpec, kept: Collection[str] = ()) -> Iterator[str]
         "stiffness": ("drive", "stiffnesses of joints"),
         "damping": ("drive", "dampings of elastic joints"),
     }
+    frictions = [joint.friction for joint in spec.joints]
+    if motors and spec.drives is not None:
+        frictions += [motor.friction for motor in spec.drives.motors]
+    if any(friction is not None and friction.law is not None for friction in frictions):
+        yield "friction laws are left out, but for their viscous and Coulomb friction: the format has no such entry"
     for key, (section, words) in owners.items():
-        sections = [getattr(joint, section) for joint in spec.joints]
+        sections = frictions if section == "friction" else [getattr(joint, section) for joint in spec.joints]
         if key not in kept and any(
             joint_section is not None and getattr(joint_section, key) is not None for joint_section in sections
         ):

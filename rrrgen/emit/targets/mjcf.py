@@ -14,7 +14,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions, unused_entries
+from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions, unused_entries, viscous_and_coulomb
 from rrrgen.emit.targets.rigid_bodies import NumericBody, NumericChain, number, numbers, numeric_chain
 from rrrgen.robot.spec import FrictionSpec, MotorSpec, RobotSpec
 
@@ -92,10 +92,8 @@ def _joint(body: NumericBody) -> list[str]:
 
 
 def _friction(friction: FrictionSpec | None) -> list[str]:
-    if friction is None:
-        return []
-    values = {"damping": friction.viscous, "frictionloss": friction.coulomb}
-    return [f'{key}="{number(value)}"' for key, value in values.items() if value]
+    values = zip(("damping", "frictionloss"), viscous_and_coulomb(friction), strict=True)
+    return [f'{key}="{number(value)}"' for key, value in values if value]
 
 
 def _tendons(spec: RobotSpec, chain: NumericChain) -> Iterator[str]:
@@ -167,7 +165,7 @@ def _notes(spec: RobotSpec) -> Iterator[str]:
     factors = () if spec.mechanism is None else zip(spec.rows, spec.mechanism.matrix, strict=True)
     if any(row.name not in names and any(coefficients) for row, coefficients in factors):
         yield "joints that follow others are held by equality constraints, which MuJoCo keeps softly"
-    yield from unused_entries(spec)
+    yield from unused_entries(spec, motors=True)
 
 
 EXPORTER = Exporter(

@@ -13,11 +13,11 @@ from typing import Any
 
 import sympy as sp
 
-from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions, unused_entries
+from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions, unused_entries, viscous_and_coulomb
 from rrrgen.robot.file.writer import number_text
 from rrrgen.robot.model.canonical_frames import NO_TWIST, Twist, dh_rows
 from rrrgen.robot.model.exact_transforms import normal_form, rotation_x
-from rrrgen.robot.spec import FrictionSpec, JointSpec, LinkSpec, RobotSpec
+from rrrgen.robot.spec import JointSpec, LinkSpec, RobotSpec
 
 MOMENTS = ("MX", "MY", "MZ")
 INERTIA = ("XX", "XY", "XZ", "YY", "YZ", "ZZ")
@@ -140,10 +140,10 @@ def _dynamics(spec: RobotSpec, count: int) -> Iterator[str]:
             yield f"{name} = {{{','.join(symbols)}}}"
     for name in ("FX", "FY", "FZ", "CX", "CY", "CZ"):
         yield _list(name, [0] * count)
-    friction = [joint.friction or FrictionSpec() for joint in spec.joints]
+    friction = [viscous_and_coulomb(joint.friction) for joint in spec.joints]
     inertia = [(joint.drive.inertia if joint.drive else None) or 0.0 for joint in spec.joints]
-    yield _list("FV", [_exact(f.viscous) for f in friction] + [0] * padding)
-    yield _list("FS", [_exact(f.coulomb) for f in friction] + [0] * padding)
+    yield _list("FV", [_exact(viscous) for viscous, _ in friction] + [0] * padding)
+    yield _list("FS", [_exact(coulomb) for _, coulomb in friction] + [0] * padding)
     yield _list("IA", [_exact(value) for value in inertia] + [0] * padding)
 
 

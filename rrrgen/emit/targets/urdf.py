@@ -10,7 +10,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
-from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions, unused_entries
+from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions, unused_entries, viscous_and_coulomb
 from rrrgen.emit.targets.rigid_bodies import NumericBody, number, numbers, numeric_chain
 from rrrgen.robot.spec import JointSpec, RobotSpec
 
@@ -95,10 +95,9 @@ def _joint(body: NumericBody, parent: str, child: str, kinds: Mapping[str, str])
         raise DerivationError(f"{wrong}; in a URDF it may follow one joint (mjcf has sums)")
     for name, factor in body.follows:
         lines.append(f'    <mimic joint="{name}" multiplier="{number(factor)}" offset="0"/>')
-    friction = joint.friction
-    if friction is not None and (friction.viscous is not None or friction.coulomb is not None):
-        damping, dry = number(friction.viscous or 0.0), number(friction.coulomb or 0.0)
-        lines.append(f'    <dynamics damping="{damping}" friction="{dry}"/>')
+    viscous, coulomb = viscous_and_coulomb(joint.friction)
+    if viscous is not None or coulomb is not None:
+        lines.append(f'    <dynamics damping="{number(viscous or 0.0)}" friction="{number(coulomb or 0.0)}"/>')
     return [*lines, "  </joint>"]
 
 

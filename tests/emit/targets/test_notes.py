@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from rrrgen.emit.targets.interface import unused_entries
-from rrrgen.robot.file import load_spec
+from rrrgen.exporting import export_robot
+from rrrgen.robot.file import load_spec, loads_spec
 
 ARM = """
 schema: rrrgen/1
@@ -32,3 +33,31 @@ def test_what_is_stated_and_not_kept_is_named(kept, tmp_path):
     lost = [words for key, words in STATED.items() if key not in kept]
     notes = list(unused_entries(load_spec(tmp_path / "noted.yaml"), kept))
     assert notes == [f"{words} are left out: the format has no such entry" for words in lost]
+
+
+LINKS = "links:\n" + 2 * "  - {mass: 1, com: [0.1, 0, 0], inertia: {about: com, xx: 1, yy: 1, zz: 1}}\n"
+STRIBECK = "friction: {law: stribeck, coulomb: 4, stiction_excess: 2, stribeck_speed: 0.1, viscous: 3}"
+
+
+@pytest.mark.parametrize(
+    ("target", "kept"),
+    [("urdf", 'damping="3" friction="4"'), ("mjcf", 'damping="3" frictionloss="4"'), ("par", "FV = {3,0")],
+)
+def test_a_friction_law_leaves_its_viscous_and_coulomb_friction_and_is_named(target, kept):
+    text = ARM.replace("friction: {viscous: 0.4, offset: 0.1}", STRIBECK) + LINKS
+    exported = export_robot(loads_spec(text), target)
+    assert kept in "".join(map(str, exported.files.values()))
+    assert any(note.startswith("friction laws are left out, but for their viscous") for note in exported.notes)
+
+
+def test_the_friction_of_motors_is_kept_or_named():
+    text = ARM.replace(
+        "friction: {viscous: 0.4, offset: 0.1}, drive: {inertia: 0.05, gear_ratio: 50, stiffness: 900}", ""
+    )
+    text = text.replace("velocity: 90, acceleration: 200},\n     ", "velocity: 90}")
+    text += f"{LINKS}drives:\n  joint_from_drive: [[1, 0], [1, 1]]\n  motors:\n    - {{name: m, {STRIBECK}}}\n"
+    text += "    - {name: n, friction: {offset: 0.3}}\n"
+    exported = export_robot(loads_spec(text), "mjcf")
+    assert 'damping="3" frictionloss="4"' in "".join(map(str, exported.files.values()))
+    lost = {note.split(" are left out")[0] for note in exported.notes}
+    assert {"friction laws", "constant torques of friction"} <= lost
