@@ -112,7 +112,7 @@ def test_nothing_but_the_formats_own_records_is_made(text):
         loads(text.encode())
 
 
-@pytest.mark.parametrize("degrees", [33, 36, 60, 70])
+@pytest.mark.parametrize("degrees", [33, 36, 60, 70, sp.Rational(45, 2)])
 def test_an_angle_whose_cosine_is_held_back_is_read_back_equal(degrees):
     """36 degrees would become nested roots, so that its cosine has the angle unevaluated."""
     c, s = cosine_sine(sp.pi * degrees / 180)

@@ -45,7 +45,9 @@ def cosine_sine(angle: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
     Values with at most one square root are evaluated, as for 45 degrees; others stay cos(angle) and sin(angle).
     """
     c, s = sp.cos(angle), sp.sin(angle)
-    if all((value**2).is_Rational or (value**2).base.func in (sp.cos, sp.sin) for value in (c, s)):
+    # the square of a cosine may be a sum itself: that of 22.5 degrees is sqrt(2)/4 + 1/2
+    squares = [(value**2).as_base_exp()[0] for value in (c, s)]
+    if all(square.is_Rational or square.func in (sp.cos, sp.sin) for square in squares):
         return c, s
     held = sp.UnevaluatedExpr(angle)
     return sp.cos(held), sp.sin(held)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import sympy as sp
@@ -80,6 +82,16 @@ def test_right_angles_are_exact_and_others_stay_functions():
     c, s = cosine_sine(sp.pi / 5)
     assert c.func is sp.cos
     assert s.func is sp.sin
+
+
+def test_every_angle_has_a_cosine_and_a_sine():
+    """The squares of some are sums with a root: that of 22.5 degrees ended as an internal fault."""
+    for k in range(240):
+        c, s = cosine_sine(k * sp.pi / 120)
+        assert (float(c), float(s)) == pytest.approx(
+            (math.cos(k * math.pi / 120), math.sin(k * math.pi / 120)), abs=4e-16
+        )
+        assert c.func in (sp.cos, sp.Integer) or (c**2).is_Rational
 
 
 def test_squares_of_a_sine_vanish_against_those_of_the_cosine():
