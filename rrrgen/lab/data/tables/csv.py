@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import warnings
 from collections import Counter
@@ -32,14 +33,14 @@ class CsvTable:
         self.source, self.path = source, source.path
         try:
             with self._open() as stream:
-                head = [self._plain(line) for line in islice(self._lines(stream), SAMPLE_LINES)]
+                numbered = list(islice(self._rows(stream), SAMPLE_LINES))
         except UnicodeError:
             raise self._undecodable() from None
         except LookupError:
             raise table_fault(self.path, f"unknown encoding '{source.encoding}'") from None
         except OSError as error:
             raise table_fault(self.path, f"cannot be read: {error.strerror or error}") from None
-        head = [line for line in head if line.strip()]
+        head = [line for _, line in numbered]
         if not head:
             raise table_fault(self.path, "the file is empty")
         self.separator = self._separator(head)
@@ -58,6 +59,8 @@ class CsvTable:
         self.width, self.truncated = max(len(row) for row in data), 0
         names = [cell.strip().strip('"') for cell in rows[0]] if self.header else []
         self.columns = tuple(names) if names else tuple(str(i + 1) for i in range(len(data[0])))
+        self._most, self._first = len(names) or self.width, numbered[self.header][0]
+        self._check_width(numbered[self.header :])
 
     def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
         """Iterate over blocks (up to ``size`` rows, columns) of the ``wanted`` columns.
@@ -66,10 +69,7 @@ class CsvTable:
         """
         places = [named_column(self.path, name, self.columns) for name in wanted]
         with self._open() as stream:
-            numbered = (
-                (n, self._plain(line)) for n, line in enumerate(_bounded_lines(stream), 1) if n > self.source.skip
-            )
-            rows = ((n, line) for n, line in numbered if line.strip())
+            rows = self._rows(stream)
             for _ in range(self.header):
                 next(rows, None)
             block = self._block(rows, size)
@@ -87,8 +87,11 @@ class CsvTable:
     def _open(self) -> TextIO:
         return open(self.path, encoding=self.source.encoding, newline=None)
 
-    def _lines(self, stream: TextIO) -> Iterator[str]:
-        return islice(_bounded_lines(stream), self.source.skip, None)
+    def _rows(self, stream: TextIO) -> Iterator[tuple[int, str]]:
+        """Iterate over the lines with content after the skipped ones, without comments, with their numbers from 1."""
+        numbered = enumerate(_bounded_lines(stream), 1)
+        plain = ((number, self._plain(line)) for number, line in islice(numbered, self.source.skip, None))
+        return ((number, line) for number, line in plain if line.strip())
 
     def _block(self, rows: Iterator[tuple[int, str]], size: int) -> list[tuple[int, str]]:
         """The next ``size`` lines, each with its number in the file; InputError where the encoding is wrong."""
@@ -121,21 +124,50 @@ class CsvTable:
         return line.split(self.source.comment, 1)[0] if self.source.comment else line
 
     def _cells(self, line: str) -> list[str]:
+        cells = self._pieces(line)
+        return _joined_quotes(cells, self.separator) if '"' in line else cells
+
+    def _pieces(self, line: str) -> list[str]:
+        """The parts of a line between all separators, those in quotes as well."""
         if self.separator == " ":
             return line.split()
         cells = line.split(self.separator)
         # a separator at the end of every line makes no column
-        return cells[:-1] if len(cells) > 1 and not cells[-1].strip() and not self._keep_last else cells
+        return cells[:-1] if len(cells) > 1 and not cells[-1].strip() else cells
+
+    def _check_width(self, block: list[tuple[int, str]]) -> None:
+        """Raises :class:`InputError` at a line with more entries than columns: its numbers would be read shifted."""
+        for number, line in block:
+            # counting separators is ten times faster than splitting
+            narrow = self.separator != " " and line.count(self.separator) < self._most
+            if not narrow and (entries := len(self._cells(line))) > self._most:
+                raise self._too_wide(entries, number, line)
+
+    def _too_wide(self, entries: int, number: int, line: str) -> InputError:
+        if not self.header:
+            what = f"{entries} entries, where the first lines have {self._most}"
+            return table_fault(self.path, what, "a damaged line?", number, 1, line)
+        what = f"{entries} entries, where the header has {self._most} names, so it is not clear which name is whose"
+        causes = []
+        if entries == self._most + 1:
+            by_number = f"or give columns by number, with skip: {self._first - 1}, header: 0"
+            causes.append(f"row names in front, as R writes them? Write none (row.names = FALSE), {by_number}")
+        if self.separator == ",":
+            causes.append("decimal commas in a file separated by commas? Separate the columns by ';'")
+        if self.header > 1:
+            causes.append("a title above the names? Leave it out: skip: 1")
+        return table_fault(self.path, what, " ".join(causes) or "a damaged line?", number, 1, line)
 
     def _parse(self, block: list[tuple[int, str]], places: list[int]) -> Array:
+        self._check_width(block)
+        in_quotes = any('"' in line and self._cells(line) != self._pieces(line) for _, line in block)
         lines = [line.replace(",", ".") if self.decimal == "," else line for _, line in block]
         delimiter = None if self.separator == " " else self.separator
-        try:
-            with warnings.catch_warnings():
+        if not in_quotes:
+            with contextlib.suppress(ValueError, UserWarning, DeprecationWarning), warnings.catch_warnings():
                 warnings.simplefilter("error")
                 return np.loadtxt(lines, delimiter=delimiter, usecols=places, ndmin=2, comments=None)
-        except (ValueError, UserWarning, DeprecationWarning):
-            return np.array([self._row(number, line, places) for number, line in block])
+        return np.array([self._row(number, line, places) for number, line in block])
 
     def _is_cut(self, number: int, line: str, places: list[int]) -> bool:
         """Whether the last line is incomplete, because the recording ended in the middle of it, and is left out.
@@ -193,8 +225,6 @@ class CsvTable:
 
     # -- detecting the format ------------------------------------------------------------------------------------
 
-    _keep_last = False
-
     def _separator(self, head: list[str]) -> str:
         """Detect the separator: the first one that splits all of the later lines of ``head`` into equally many cells.
 
@@ -231,7 +261,7 @@ class CsvTable:
 
     def _decimal(self, data: list[list[str]]) -> str:
         """The decimal sign: a comma if entries contain commas; both commas and points are an InputError."""
-        text = [cell for row in data for cell in row]
+        text = [cell for row in data for cell in row if self.separator not in cell]  # others are text in quotes
         commas = any("," in cell for cell in text)
         points = any("." in cell for cell in text)
         if commas and points:
@@ -242,3 +272,16 @@ class CsvTable:
 def _bounded_lines(stream: IO[AnyStr]) -> Iterator[AnyStr]:
     """Iterate over the lines of ``stream``, cut at a little over LONGEST_LINE, so that memory is bounded."""
     return iter(partial(stream.readline, LONGEST_LINE + 1), stream.read(0))
+
+
+def _joined_quotes(pieces: list[str], separator: str) -> list[str]:
+    """Join the ``pieces`` of a line whose separator stands in quotes; all stay apart if a quote is not closed."""
+    cells: list[str] = []
+    is_open = False
+    for piece in pieces:
+        if is_open:
+            cells[-1] += separator + piece
+        else:
+            cells.append(piece)
+        is_open ^= piece.count('"') % 2 == 1
+    return pieces if is_open else cells
