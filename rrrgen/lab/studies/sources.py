@@ -6,11 +6,13 @@ import hashlib
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError, option_name
@@ -43,7 +45,10 @@ RobotSource = str | os.PathLike[str] | RobotSpec | Model
 """A robot file, the name of a bundled robot, a description or a compiled model."""
 
 RecordingSource = str | os.PathLike[str] | Log | Mapping[str, Any]
-"""A recording or its mapping file, a recording in memory, or arrays by name: ``t`` (N,), ``q`` and ``tau`` (N, n)."""
+"""A recording or its mapping file, a recording in memory, or arrays by name: ``t`` (N,), ``q`` and ``tau`` (N, n).
+
+``t`` is in s, or points in time such as datetime64, which count from the first.
+"""
 
 RecordingSources = RecordingSource | Sequence[RecordingSource]
 
@@ -168,7 +173,8 @@ class RecordingInputs:
 
 def as_list(recordings: RecordingSources) -> Sequence[RecordingSource]:
     """One recording as a list of it; several as they are."""
-    return [recordings] if isinstance(recordings, (str, os.PathLike, Log, Mapping)) else recordings
+    one = isinstance(recordings, (str, os.PathLike, Log, Mapping)) or _is_data_frame(recordings)
+    return [recordings] if one else recordings  # type: ignore[list-item, return-value]
 
 
 def recording_inputs(
@@ -209,7 +215,7 @@ def recording_inputs(
             files |= {f"{role}{k}.{source.name}": Path(source.path) for source in mapping.files}
             names += [source.path.name for source in mapping.files]
         else:
-            raise InputError(f"{role} {k} is of type {type(recording).__name__}, not a file, a Log or arrays by name")
+            raise _foreign_recording(f"{role} {k}", recording)
     if not sources:
         raise InputError("there is no recording")
     if not floating and any(source.floating for source in sources):
@@ -218,6 +224,18 @@ def recording_inputs(
             "rest"
         )
     return RecordingInputs(tuple(sources), files, {"arrays": hashes} if hashes else {}, tuple(names))
+
+
+def _foreign_recording(what: str, recording: Any) -> InputError:
+    """The error for a ``recording`` of a type that is not read."""
+    taken = f"{what} is of type {type(recording).__name__}, not a file, a Log or arrays by name"
+    arrays = "{'t': frame['t'], 'q': frame[['q_1', 'q_2']], 'tau': frame[['tau_1', 'tau_2']]}"
+    return InputError(f"{taken}: give columns of a data frame as {arrays}" if _is_data_frame(recording) else taken)
+
+
+def _is_data_frame(data: Any) -> bool:
+    """Whether ``data`` is a table of columns by name, as of pandas or polars, but no mapping."""
+    return not isinstance(data, Mapping) and hasattr(data, "columns") and hasattr(data, "__getitem__")
 
 
 def single_recording(recording: RecordingSource, *, skip_truncated_line: bool = False) -> RecordingInputs:
@@ -231,7 +249,7 @@ def single_recording(recording: RecordingSource, *, skip_truncated_line: bool = 
         mapping = mapping_of_arrays(arrays, joints, "log")
         return RecordingInputs((mapping,), {}, {"arrays": {"log": hash_of_arrays(arrays)}}, ())
     if not isinstance(recording, (str, os.PathLike)):
-        raise InputError(f"the recording is of type {type(recording).__name__}, not a file, a Log or arrays by name")
+        raise _foreign_recording("the recording", recording)
     mapping = open_log(recording, skip_truncated=skip_truncated_line)
     files = {"log": Path(recording)} | {source.name: Path(source.path) for source in mapping.files}
     return RecordingInputs((mapping,), files, {}, tuple(source.path.name for source in mapping.files))
@@ -246,9 +264,9 @@ def checked_arrays(
 ) -> dict[str, Array]:
     """The arrays of a recording as numbers; raises :class:`InputError` listing every missing, unknown or misshapen one.
 
-    ``t`` is (N,), those of a floating base have 4 or 6 columns, all others (N, joints), or (N,) for one joint. Twist
-    and orientation of a base go together. ``allowed`` are the names of arrays that a recording of this kind may have,
-    ``needed`` those that it must have.
+    ``t`` is (N,), s or points in time, those of a floating base have 4 or 6 columns, all others (N, joints), or (N,)
+    for one joint. Masked values are missing: NaN. Twist and orientation of a base go together. ``allowed`` are the
+    names of arrays that a recording of this kind may have, ``needed`` those that it must have.
     """
     faults = []
     signals: dict[str, Array] = {}
@@ -258,7 +276,9 @@ def checked_arrays(
             faults.append(Fault("", 0, 0, f"{name} has an array '{key}', which no recording has", hint=hint))
         elif values is not None:
             try:
-                signals[key] = np.asarray(values, float)
+                signals[key] = _real_numbers(key, values)
+            except InputError as error:
+                faults.append(Fault("", 0, 0, f"{name}: {error}"))
             except (TypeError, ValueError):
                 faults.append(Fault("", 0, 0, f"{name}: '{key}' does not hold numbers"))
     base = ("orientation", "twist") if signals.keys() & BASE_COLUMNS.keys() else ()
@@ -278,6 +298,44 @@ def checked_arrays(
     if faults:
         raise InputError(faults)
     return signals
+
+
+def _real_numbers(key: str, values: Any) -> Array:
+    """The array ``key`` of a recording as numbers, NaN where masked, and points in time as seconds from the first.
+
+    Raises :class:`InputError` for points in time that are missing or not ``t``, TypeError or ValueError for what is no
+    array of real numbers.
+    """
+    masked: np.ma.MaskedArray[Any, Any] = np.ma.asarray(values)
+    array = masked.data
+    if array.dtype.kind in "Mm":
+        return _seconds(key, masked.filled(np.array("NaT", array.dtype)))
+    if array.dtype == object and array.size and all(isinstance(x, (datetime, timedelta)) for x in array.flat):
+        return _seconds(key, array)
+    if array.dtype.kind == "c":
+        raise TypeError(f"'{key}' holds complex numbers")
+    if isinstance(values, np.ma.MaskedArray):
+        return np.asarray(masked.astype(float).filled(np.nan))
+    return np.asarray(values, float)
+
+
+def _seconds(key: str, points: NDArray[Any]) -> Array:
+    """Seconds from the first of ``points`` in time, or spans of time, of NumPy or Python."""
+    if key != "t":
+        raise InputError(f"'{key}' holds points in time ({points.dtype}), which only t may")
+    if points.dtype == object:
+        # a difference of times of day in one time zone would ignore that clocks are put forward and back
+        utc = [x.astimezone(UTC) if isinstance(x, datetime) and x.tzinfo is not None else x for x in points.flat]
+        seconds = np.array([(x - utc[0]).total_seconds() for x in utc]).reshape(points.shape)
+    else:
+        unit = np.datetime_data(points.dtype)[0]
+        if unit in ("Y", "M", "generic"):
+            raise InputError(f"'t' counts in {unit}, which is no fixed time: state it in seconds, or as datetime64[ns]")
+        seconds = (points - points.ravel()[:1]) / np.timedelta64(1, "s")
+    missing = np.flatnonzero(np.isnan(seconds))
+    if len(missing):
+        raise InputError(f"'t' has no time (NaT) in row {missing[0]}")
+    return seconds
 
 
 def mapping_of_arrays(arrays: Mapping[str, Array], joints: Sequence[str], name: str) -> LogMapping:
@@ -374,7 +432,7 @@ def response_input(data: ResponseSource) -> ResponseInput:
         response = load_response(data)
         files = {f"file {source.name}": Path(source.path) for source in response.files}
         return ResponseInput(response, {"log": Path(data)} | files, {})
-    recordings = [data] if isinstance(data, Mapping) else list(data)
+    recordings = [data] if isinstance(data, Mapping) or _is_data_frame(data) else list(data)
     sources, hashes = [], {}
     for k, recording in enumerate(recordings, start=1):
         name = f"recording{k}"

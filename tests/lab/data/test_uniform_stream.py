@@ -5,6 +5,8 @@ import pytest
 
 from lab.data.three_joints import PERIOD, TAU, TEXT, N, Q, T, kinds, mapped, read, table, write_csv
 from rrrgen.base.errors import InputError
+from rrrgen.lab.data.uniform_stream import LogStream
+from rrrgen.lab.studies.sources import mapping_of_arrays
 from samples.recordings import fourier_motion
 
 
@@ -62,6 +64,33 @@ def test_jittered_samples_are_moved_to_uniform_instants(tmp_path):
     assert np.max(np.abs(log.q - exact)[inner]) < 1e-7
     # taking the samples as if they were uniform would be a thousand times worse
     assert np.max(np.abs(q[: len(log.t)] - exact[: len(q)])) > 1e-4
+
+
+def stream_of(t):
+    return LogStream(mapping_of_arrays({"t": t, "q": np.sin(t)[:, None]}, ("a",), "log"))
+
+
+@pytest.mark.parametrize("rows", [200, 4000, 12000])
+@pytest.mark.parametrize("dropped", [0.03, 0.1, 0.4])
+@pytest.mark.parametrize("jitter", [0.0, 0.02])  # standard deviation of the stamps, periods
+def test_rows_dropped_at_random_leave_the_period(rows, dropped, jitter):
+    rng = np.random.default_rng(rows)
+    index = np.flatnonzero(rng.random(rows) >= dropped)
+    stream = stream_of(0.005 * (index + jitter * rng.standard_normal(len(index))))
+    assert stream.period == pytest.approx(0.005, rel=1e-9 if not jitter else 2e-3)
+    kinds = {finding.kind: finding for finding in stream.repairs.findings}
+    assert ("jitter" in kinds) == (jitter > 0.0)
+    steps = np.diff(index)
+    assert kinds["bridged holes"].count == pytest.approx(np.sum((steps > 1) & (steps <= 5)), abs=1)
+
+
+@pytest.mark.parametrize("periods_per_tick", [0.3, 0.9, 1.02, 1.3, 1.45, 3.33])
+@pytest.mark.parametrize("dropped", [0.0, 0.005])
+def test_coarse_stamps_are_not_taken_for_dropped_rows(periods_per_tick, dropped):
+    rng = np.random.default_rng(1)
+    kept = np.flatnonzero(rng.random(8000) >= dropped)
+    t = np.floor(kept * periods_per_tick + 0.1) * 0.001
+    assert stream_of(t).period == pytest.approx(0.001 * max(1.0, periods_per_tick), rel=0.02)
 
 
 def test_clipped_torques_are_left_out(tmp_path):

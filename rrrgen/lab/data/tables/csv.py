@@ -156,7 +156,7 @@ class CsvTable:
             causes.append("decimal commas in a file separated by commas? Separate the columns by ';'")
         if self.header > 1:
             causes.append("a title above the names? Leave it out: skip: 1")
-        return table_fault(self.path, what, " ".join(causes) or "a damaged line?", number, 1, line)
+        return table_fault(self.path, what, "; ".join(causes) or "a damaged line?", number, 1, line)
 
     def _parse(self, block: list[tuple[int, str]], places: list[int]) -> Array:
         self._check_width(block)
