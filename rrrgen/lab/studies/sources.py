@@ -309,13 +309,13 @@ def _real_numbers(key: str, values: Any) -> Array:
     masked: np.ma.MaskedArray[Any, Any] = np.ma.asarray(values)
     array = masked.data
     if array.dtype.kind in "Mm":
-        return _seconds(key, masked.filled(np.array("NaT", array.dtype)))
+        return _seconds(key, masked.filled(array.dtype.type("NaT")))
     if array.dtype == object and array.size and all(isinstance(x, (datetime, timedelta)) for x in array.flat):
         return _seconds(key, array)
     if array.dtype.kind == "c":
         raise TypeError(f"'{key}' holds complex numbers")
     if isinstance(values, np.ma.MaskedArray):
-        return np.asarray(masked.astype(float).filled(np.nan))
+        return np.where(np.ma.getmaskarray(values), np.nan, array.astype(float))
     return np.asarray(values, float)
 
 
