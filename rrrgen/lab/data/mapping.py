@@ -21,7 +21,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.yamltext import signal_units as log_units
 from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, SequenceNode, describe, file_text, read_document
-from rrrgen.base.yamltext.fields import Entry, Reader, read_entries, words
+from rrrgen.base.yamltext.fields import UNITLESS, Entry, Reader, read_entries, words
 from rrrgen.lab.data.preprocessing import read_processing
 
 Side = Literal["joint", "motor"]
@@ -483,6 +483,22 @@ KEYS_OF_OTHER_FILES = {
 UNITS_OF: dict[Signal, Signal] = {"reference": "position", "reference_velocity": "velocity", "feedforward": "torque"}
 """Signals whose unit is that of another signal where `units` does not state it."""
 
+UNREAD = "?"
+"""In place of a unit that is a fault already, so that no other fault follows from it."""
+UNITS_WITH: dict[str, tuple[str, ...]] = {
+    "counts_per_turn": (log_units.COUNTS, log_units.COUNTS + "/s"),
+    "resolution": (log_units.COUNTS, log_units.COUNTS + "/s"),
+    "constant": tuple(unit for unit in log_units.DRIVE_SIGNALS if unit != "%"),
+    "rated": ("%",),
+}
+"""Keys of a channel that have an effect on columns in certain units only."""
+SIGNAL_WITH: dict[str, tuple[Signal, str]] = {
+    "limit": ("torque", "torques at which the drive saturates are left out"),
+    "delay": ("torque", "torques may lag behind positions"),
+    "wraps_at": ("position", "an encoder may start over"),
+}
+"""Keys of a channel that have an effect on one signal only, with the reason."""
+
 UNITS: dict[Signal, dict[str, float]] = {
     "position": log_units.POSITION | {log_units.COUNTS: 1.0},
     "velocity": log_units.VELOCITY | {log_units.COUNTS + "/s": 1.0},
@@ -535,14 +551,13 @@ class _MappingReader(SourceReader):
             self.side = self.read_side(top["side"], "side")
         joints = self.read_joints(top.get("joints"))
         base = self.read_base(top.get("base"))
-        gap = top.get("max_gap")
         late = self.quantity(top.get("torque_delay"), "torque_delay", log_units.TIME, "s")
         mapping = LogMapping(
             files=tuple(self.files.values()),
             time=self.read_time(top.get("time")),
             joints=tuple(joints),
             transmission=self.read_transmission(top.get("transmission"), joints),
-            max_gap=None if gap is None else self.quantity(gap, "max_gap", log_units.TIME, "s"),
+            max_gap=self.quantity(top.get("max_gap"), "max_gap", log_units.TIME, "s", positive=True),
             torque_delay=late or 0.0,
             processing=read_processing(top.get("processing"), len(joints), self.faults),
             name=self.text(top["name"], "name") if "name" in top else "",
@@ -594,6 +609,9 @@ class _MappingReader(SourceReader):
                 self.faults.error(part.get("name", item), f"a second joint '{name}'")
             seen[name] = index
             channels = {s: self.read_channel(part[s], s, f"{what}.{s}", side) for s in SIGNALS if s in part}
+            if "gear_ratio" in part and all(channel.side == "joint" for channel in channels.values()):
+                message = f"{what}.gear_ratio has no effect, because no signal of the joint is measured at the motor"
+                self.faults.error(part["gear_ratio"], message, "side: motor")
             joints.append(
                 JointChannels(
                     name=name,
@@ -604,7 +622,7 @@ class _MappingReader(SourceReader):
                     reference=channels.get("reference"),
                     reference_velocity=channels.get("reference_velocity"),
                     feedforward=channels.get("feedforward"),
-                    zero=self.quantity(part.get("zero"), f"{what}.zero", log_units.POSITION, "rad") or 0.0,
+                    zero=self.joint_zero(part.get("zero"), f"{what}.zero", channels.get("position")),
                 )
             )
         for signal in SIGNALS[1:]:
@@ -614,6 +632,12 @@ class _MappingReader(SourceReader):
                     node, f"some joints have a {signal}, but not {', '.join(missing)}", "give all or none"
                 )
         return joints
+
+    def joint_zero(self, node: Node | None, what: str, position: Channel | None) -> float:
+        """Position (rad, m) at which the encoder of a joint reads zero: an angle where ``position`` is one."""
+        unit = "" if position is None else position.unit
+        table = next((kind for kind in (log_units.ANGLE, log_units.LENGTH) if unit in kind), log_units.POSITION)
+        return self.quantity(node, what, table, next(iter(table))) or 0.0
 
     def read_base(self, node: Node | None) -> dict[str, list[Channel]]:
         """Read the channels of a floating base (:func:`on_floating_base`); empty without any."""
@@ -641,7 +665,7 @@ class _MappingReader(SourceReader):
             part = self.section(node, "channel", what) or {}
         unit = self.units.get(signal) or self.units.get(UNITS_OF.get(signal, signal), "")
         if "unit" in part:
-            unit = log_units.read_unit(part["unit"], what, UNITS[signal], self.faults) or "one"
+            unit = log_units.read_unit(part["unit"], what, UNITS[signal], self.faults) or UNREAD
         elif not unit:
             hint = f"give it here or once in units.{signal}; allowed are {', '.join(UNITS[signal])}"
             self.faults.error(node, f"{what} has no unit", hint)
@@ -650,16 +674,17 @@ class _MappingReader(SourceReader):
             self.faults.error(part.get("sign"), f"{what}.sign is not +1 or -1", "scale with constant or resolution")
         side = self.read_side(part["side"], what) if "side" in part else side
         gain = self.gain(part.get("gain"), what)
+        self.refuse_idle_keys(part, signal, unit, what)
         return Channel(
             file=self.file_of(part.get("file"), what, node),
             column=self.column(part["column"], f"{what}.column") if "column" in part else "",
             factor=self.factor(part, signal, unit, what, node) * gain,
             gain=gain,
-            delay=self.delay(part.get("delay"), signal, what),
+            delay=self.quantity(part.get("delay"), f"{what}.delay", log_units.TIME, "s") or 0.0,
             sign=sign or 1.0,
             zero=(self.number(part["zero"], f"{what}.zero") or 0.0) if "zero" in part else 0.0,
             side=side,
-            wraps=self.number(part["wraps_at"], f"{what}.wraps_at") if "wraps_at" in part else None,
+            wraps=self.quantity(part.get("wraps_at"), f"{what}.wraps_at", UNITLESS, "one", positive=True),
             unit=unit,
             limit=self.limit(part.get("limit"), what),
         )
@@ -671,11 +696,25 @@ class _MappingReader(SourceReader):
             self.faults.error(node, f"{what}.gain is {value:g}, not positive", "sign: -1 reverses a column")
         return value if value is not None and value > 0.0 else 1.0
 
-    def delay(self, node: Node | None, signal: Signal, what: str) -> float:
-        """Delay of a recorded torque, s."""
-        if node is not None and signal != "torque":
-            self.faults.error(node, f"{what} has a delay, which only a torque has", "torques may lag behind positions")
-        return self.quantity(node, f"{what}.delay", log_units.TIME, "s") or 0.0
+    def refuse_idle_keys(self, part: dict[str, Node], signal: Signal, unit: str, what: str) -> None:
+        """Record a fault for every key of a channel that would have no effect on a ``signal`` in this ``unit``."""
+        for key, (only, reason) in SIGNAL_WITH.items():
+            if key in part and signal != only:
+                self.faults.error(part[key], f"{what} has a {key}, which only a {only} has", reason)
+        for key, units in UNITS_WITH.items():
+            if key in part and unit not in ("", UNREAD, *units):
+                possible = [name for name in units if name in UNITS[signal]]
+                hint = f"it belongs to a column in {' or '.join(possible or units)}"
+                hint += f": state the unit of the column, or leave {key} away" if possible else ""
+                self.faults.error(part[key], f"{what}.{key} has no effect on a column in {unit}", hint)
+        if "counts_per_turn" in part and "resolution" in part:
+            self.faults.error(part["resolution"], f"{what} has both counts_per_turn and resolution", "give one of them")
+
+    def nonzero(self, value: float | None, node: Node | None, what: str) -> float:
+        """The ``value`` of a factor; a fault and 1 if it is zero, 1 if it is None."""
+        if value == 0.0:
+            self.faults.error(node, f"{what} is zero", "every row of the column would read the same")
+        return value or 1.0
 
     def factor(self, part: dict[str, Node], signal: Signal, unit: str, what: str, node: Node) -> float:
         """Factor that converts a column of a ``signal`` to SI, from the keys ``part`` that describe its channel.
@@ -685,10 +724,11 @@ class _MappingReader(SourceReader):
         if unit.startswith(log_units.COUNTS):
             if "counts_per_turn" in part:
                 counts = self.number(part["counts_per_turn"], f"{what}.counts_per_turn")
-                return 2.0 * math.pi / counts if counts else 1.0
+                return 2.0 * math.pi / self.nonzero(counts, part["counts_per_turn"], f"{what}.counts_per_turn")
             if "resolution" not in part:
                 self.faults.error(node, f"{what} in counts needs counts_per_turn or resolution", "e.g. 0.001 deg")
-            return self.quantity(part.get("resolution"), f"{what}.resolution", log_units.POSITION, "rad") or 1.0
+            step = self.quantity(part.get("resolution"), f"{what}.resolution", log_units.POSITION, "rad")
+            return self.nonzero(step, part.get("resolution"), f"{what}.resolution")
         if signal not in ("torque", "feedforward") or unit not in log_units.DRIVE_SIGNALS:
             return UNITS[signal].get(unit, 1.0)
         key, table = ("rated", log_units.TORQUE | log_units.FORCE) if unit == "%" else ("constant", log_units.CONSTANT)
@@ -696,7 +736,7 @@ class _MappingReader(SourceReader):
             hint = "the torque at 100 %" if unit == "%" else f"the torque or force per {unit}, e.g. 0.12 N*m/A"
             self.faults.error(node, f"{what} in {unit} needs the key '{key}'", hint)
         value = self.quantity(part.get(key), f"{what}.{key}", table, next(iter(table)))
-        return log_units.DRIVE_SIGNALS[unit] * (1.0 if value is None else value)
+        return log_units.DRIVE_SIGNALS[unit] * self.nonzero(value, part.get(key), f"{what}.{key}")
 
     def read_transmission(self, node: Node | None, joints: list[JointChannels]) -> Array | None:
         if node is None:

@@ -117,9 +117,7 @@ class Clock:
 
 WHOLE = 0.2  # periods: steps this close to a whole number of periods agree with the period
 MOST_STEPS = 0.9  # share of the steps that have to agree
-RANDOM = (
-    0.4  # rows count as dropped from this share of the variance of random drops on: those had 0.48, coarse stamps 0.26
-)
+RANDOM = 0.4  # share of the variance of independent drops: random drops had 0.48 or more, most coarse stamps below 0.27
 
 
 def _period_between_holes(steps: Array, window: int) -> float | None:

@@ -271,7 +271,7 @@ class PreprocessingOptions(MotionOptions):
         metavar="K",
     )
     low_speed: tuple[float, ...] | None = option(
-        None, "Rows of a joint below this speed are left out, rad/s (m/s), one number a joint.", command=False
+        None, "Rows of a joint below this speed are left out, rad/s (m/s), one number a joint.", least=0, command=False
     )
 
 

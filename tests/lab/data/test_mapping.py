@@ -158,3 +158,98 @@ def test_a_torque_constant_and_a_delay_are_corrected_by_the_mapping(tmp_path):
         "joints[0].torque.gain is -1, not positive",
         "joints[1].position has a delay, which only a torque has",
     ]
+
+
+IDLE = """\
+schema: rrrgen-log/1
+files: log.csv
+time: {rate: 100 Hz}
+units: {position: rad, torque: N*m, velocity: rad/s}
+joints:
+  - name: a
+    zero: ZERO
+    MORE
+    position: {column: 1, POSITION}
+    velocity: {column: 2, VELOCITY}
+    torque: {column: 3, TORQUE}
+GAP
+"""
+PLACES = {"ZERO": 7, "MORE": 8, "POSITION": 9, "VELOCITY": 10, "TORQUE": 11, "GAP": 12}
+
+
+def described(**parts):
+    text = IDLE
+    for place in PLACES:
+        usual = {"ZERO": "0", "MORE": "", "GAP": ""}.get(place, "sign: 1")
+        text = text.replace(place, parts.get(place, usual))
+    return text
+
+
+@pytest.mark.parametrize(
+    ("place", "text", "at", "message"),
+    [
+        ("POSITION", "unit: counts, counts_per_turn: 0", ": 0", "joints[0].position.counts_per_turn is zero"),
+        ("POSITION", "unit: counts, resolution: 0 deg", ": 0", "joints[0].position.resolution is zero"),
+        (
+            *("POSITION", "unit: counts, counts_per_turn: 4096, resolution: 0.1 deg", ": 0.1"),
+            "joints[0].position has both counts_per_turn and resolution",
+        ),
+        (
+            "POSITION",
+            "unit: deg, resolution: 2",
+            ": 2",
+            "joints[0].position.resolution has no effect on a column in deg",
+        ),
+        (
+            "POSITION",
+            "counts_per_turn: 9",
+            ": 9",
+            "joints[0].position.counts_per_turn has no effect on a column in rad",
+        ),
+        ("POSITION", "constant: 9", ": 9", "joints[0].position.constant has no effect on a column in rad"),
+        ("VELOCITY", "resolution: 9", ": 9", "joints[0].velocity.resolution has no effect on a column in rad/s"),
+        ("TORQUE", "constant: 0.1 N*m/A", ": 0.1", "joints[0].torque.constant has no effect on a column in N*m"),
+        ("TORQUE", "rated: 9 N*m", ": 9", "joints[0].torque.rated has no effect on a column in N*m"),
+        ("TORQUE", "unit: A, constant: 1, rated: 9", ": 9", "joints[0].torque.rated has no effect on a column in A"),
+        (
+            "TORQUE",
+            "unit: '%', rated: 9, constant: 4",
+            ": 4",
+            "joints[0].torque.constant has no effect on a column in %",
+        ),
+        ("TORQUE", "unit: A, constant: 0 N*m/A", ": 0", "joints[0].torque.constant is zero"),
+        ("TORQUE", "unit: '%', rated: 0", ": 0", "joints[0].torque.rated is zero"),
+        ("TORQUE", "wraps_at: 360", ": 360", "joints[0].torque has a wraps_at, which only a position has"),
+        ("POSITION", "wraps_at: 0", ": 0", "joints[0].position.wraps_at must be positive"),
+        ("POSITION", "limit: 9", ": 9", "joints[0].position has a limit, which only a torque has"),
+        (
+            *("MORE", "gear_ratio: 50", ": 50"),
+            "joints[0].gear_ratio has no effect, because no signal of the joint is measured at the motor",
+        ),
+        ("ZERO", "0.1 mm", ": 0.1", "joints[0].zero: '0.1 mm' is not an expression"),
+        ("GAP", "max_gap: -1 s", ": -1", "max_gap must be positive"),
+    ],
+)
+def test_keys_out_of_range_or_without_effect_are_refused_in_their_place(place, text, at, message):
+    with pytest.raises(InputError) as caught:
+        loads_mapping(described(**{place: text}))
+    (fault,) = caught.value.faults
+    line = described(**{place: text}).splitlines()[PLACES[place] - 1]
+    assert fault.line == PLACES[place]
+    assert fault.column >= line.rindex(at) + 3
+    assert fault.message.startswith(message)
+    assert fault.hint or "positive" in message
+
+
+@pytest.mark.parametrize(
+    ("place", "text"),
+    [
+        ("POSITION", "unit: counts, resolution: 0.1 deg, wraps_at: 3600"),
+        ("VELOCITY", "unit: counts/s, counts_per_turn: 4096"),
+        ("TORQUE", "unit: mA, constant: -0.1 N*m/A, limit: 9"),
+        ("TORQUE", "unit: '%', rated: 9 N*m, side: motor}\n    gear_ratio: 50\n    reference: {column: 4"),
+        ("ZERO", "90 deg"),
+    ],
+)
+def test_keys_with_an_effect_are_read(place, text):
+    assert loads_mapping(described(**{place: text})).n == 1

@@ -11,7 +11,15 @@ from click.testing import CliRunner
 
 import rrrgen
 from rrrgen.cli.study_options import click_options
-from rrrgen.lab.studies.options import OptionError, StudyOptions, group, option, option_fields, with_changes
+from rrrgen.lab.studies.options import (
+    OptionError,
+    PreprocessingOptions,
+    StudyOptions,
+    group,
+    option,
+    option_fields,
+    with_changes,
+)
 
 
 @dataclass(frozen=True)
@@ -137,3 +145,9 @@ def test_a_command_shows_flags(arguments, message):
 def test_the_docstring_lists_every_option():
     for entry in option_fields(rrrgen.IdentifyOptions):
         assert entry.group or f"``{entry.name}``" in rrrgen.IdentifyOptions.__doc__
+
+
+def test_low_speeds_are_not_negative():
+    assert PreprocessingOptions(low_speed=(0.0, 0.1)).low_speed == (0.0, 0.1)
+    with pytest.raises(OptionError, match="low_speed is -1, but must be at least 0"):
+        PreprocessingOptions(low_speed=(0.1, -1))
