@@ -287,11 +287,12 @@ def tune_stretches(stretches: Sequence[Array], period: float) -> KalmanSmoother:
     """
     from scipy.optimize import minimize_scalar
 
+    if resting := resting_joints(stretches):
+        names = " and ".join(str(k + 1) for k in resting)
+        raise InputError(f"joint {names} does not move at all: its noise cannot be separated from its motion")
     etas, xis = [], []
     for joint in range(stretches[0].shape[1]):
         columns = [np.asarray(stretch[:, joint], float) for stretch in stretches]
-        if all(float(np.ptp(column)) == 0.0 for column in columns):
-            raise InputError("a joint does not move at all: its noise cannot be separated from its motion")
 
         def square(matrices: KalmanMatrices, columns: list[Array] = columns) -> float:
             return float(np.mean(np.concatenate([innovations(matrices, column) for column in columns]) ** 2))
@@ -308,6 +309,12 @@ def tune_stretches(stretches: Sequence[Array], period: float) -> KalmanSmoother:
         etas.append(eta)
         xis.append(eta * 10.0 ** (2.0 * float(minimum.x)) / period**6)
     return KalmanSmoother(tuple(etas), tuple(xis))
+
+
+def resting_joints(stretches: Sequence[Array]) -> list[int]:
+    """Indices of the joints whose positions stay the same in each of the ``stretches``, (N_i, n) each."""
+    moved = np.any([np.ptp(stretch, axis=0) > 0.0 for stretch in stretches], axis=0)
+    return [int(joint) for joint in np.flatnonzero(~moved)]
 
 
 def _unit_noise(period: float, log_ratio: float) -> KalmanMatrices:

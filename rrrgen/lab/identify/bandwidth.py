@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.errors import InputError
+from rrrgen.base.errors import InputError, option_name
 from rrrgen.lab.data.preprocessing import (
     CUTOFF_RATIO,
     DEFAULT_ORDER,
@@ -173,7 +173,7 @@ def tune(processing: Processing, recordings: Sequence[Recording], split: Split |
     Recordings sampled at different rates share one decimation factor, that of the slowest. Raises :class:`InputError`
     if the fitted stretches are too short or no joint moves.
     """
-    from rrrgen.lab.data.kalman import tune_stretches
+    from rrrgen.lab.data.kalman import resting_joints, tune_stretches
 
     period = max(recording.period for recording in recordings)
     kalman = processing.method in KALMAN and not (processing.var_eta and processing.var_xi)
@@ -195,7 +195,16 @@ def tune(processing: Processing, recordings: Sequence[Recording], split: Split |
     if cutoff and motion is not None:
         processing = replace(processing, cutoff=min(CUTOFF_OVER_BANDWIDTH * motion, HIGHEST_CUTOFF / period))
     if kalman:
-        smoother = tune_stretches([stretch.q for stretch in positions[0][1]], positions[0][0])
+        tuned_on = [stretch.q for stretch in positions[0][1]]
+        if resting := [recordings[0].joints[k] for k in resting_joints(tuned_on)]:
+            if len(resting) == len(recordings[0].joints):
+                raise InputError("no joint moves in the recording")
+            what = f"joint {resting[0]} does" if len(resting) == 1 else f"joints {' and '.join(resting)} do"
+            raise InputError(
+                f"{what} not move at all, so that the Kalman filter cannot separate noise from motion: "
+                f"{option_name('method')} butterworth needs no noise"
+            )
+        smoother = tune_stretches(tuned_on, positions[0][0])
         eta, xi = (tuple(float(x) for x in np.atleast_1d(v)) for v in (smoother.var_eta, smoother.var_xi))
         processing = replace(processing, var_eta=processing.var_eta or eta, var_xi=processing.var_xi or xi)
     return Tuning(processing, period, by_rule, motion, on, spectra)

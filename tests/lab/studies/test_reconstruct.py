@@ -65,3 +65,18 @@ def test_one_joint_and_wrong_options(motion):
         rrrgen.reconstruct({"t": t, "q": q}, cutof=20)
     with pytest.raises(rrrgen.InputError, match="no 't'"):
         rrrgen.reconstruct({"q": q})
+
+
+def test_a_joint_at_rest_is_named_with_the_filter_that_takes_it(motion, tmp_path):
+    t, q, _, _ = motion
+    resting = q * [1.0, 0.0] + 0.3
+    with pytest.raises(rrrgen.InputError, match=r"^joint q2 does not move at all.* method butterworth needs no noise"):
+        rrrgen.reconstruct({"t": t, "q": resting})
+    with pytest.raises(rrrgen.InputError, match=r"^no joint moves"):
+        rrrgen.reconstruct({"t": t, "q": 0.0 * q})
+    assert np.abs(rrrgen.reconstruct({"t": t, "q": resting}, method="butterworth").dq[:, 1]).max() < 1e-9
+    write_log(tmp_path / "log.csv", Log(joints=("base", "wrist"), t=t, q=resting, tau=np.ones_like(q)))
+    command = ["experiment", "reconstruct", str(tmp_path / "log.csv"), "-o", str(tmp_path / "run")]
+    run = CliRunner().invoke(cli, command, standalone_mode=False)
+    assert "wrist does not move at all" in str(run.exception)
+    assert "--method butterworth" in str(run.exception)
