@@ -557,7 +557,7 @@ class _MappingReader(SourceReader):
             time=self.read_time(top.get("time")),
             joints=tuple(joints),
             transmission=self.read_transmission(top.get("transmission"), joints),
-            max_gap=self.quantity(top.get("max_gap"), "max_gap", log_units.TIME, "s", positive=True),
+            max_gap=self.max_gap(top.get("max_gap")),
             torque_delay=late or 0.0,
             processing=read_processing(top.get("processing"), len(joints), self.faults),
             name=self.text(top["name"], "name") if "name" in top else "",
@@ -768,6 +768,12 @@ class _MappingReader(SourceReader):
 
     def read_side(self, node: Node, what: str) -> Side:
         return "motor" if self.choice(node, f"{what} (side)", SIDES) == "motor" else "joint"
+
+    def max_gap(self, node: Node | None) -> float | None:
+        gap = self.quantity(node, "max_gap", log_units.TIME, "s")
+        if gap is not None and gap < 0.0:
+            self.faults.error(node, "max_gap is negative", "0 lets every hole split the recording")
+        return gap
 
     def limit(self, node: Node | None, what: str) -> float | None:
         if node is None:

@@ -227,7 +227,7 @@ def described(**parts):
             "joints[0].gear_ratio has no effect, because no signal of the joint is measured at the motor",
         ),
         ("ZERO", "0.1 mm", ": 0.1", "joints[0].zero: '0.1 mm' is not an expression"),
-        ("GAP", "max_gap: -1 s", ": -1", "max_gap must be positive"),
+        ("GAP", "max_gap: -1 s", ": -1", "max_gap is negative"),
     ],
 )
 def test_keys_out_of_range_or_without_effect_are_refused_in_their_place(place, text, at, message):
@@ -249,6 +249,7 @@ def test_keys_out_of_range_or_without_effect_are_refused_in_their_place(place, t
         ("TORQUE", "unit: mA, constant: -0.1 N*m/A, limit: 9"),
         ("TORQUE", "unit: '%', rated: 9 N*m, side: motor}\n    gear_ratio: 50\n    reference: {column: 4"),
         ("ZERO", "90 deg"),
+        ("GAP", "max_gap: 0 s"),
     ],
 )
 def test_keys_with_an_effect_are_read(place, text):
