@@ -27,7 +27,6 @@ from rrrgen.lab.identify.parameters import Column
 from rrrgen.lab.identify.regressor import RigidModel
 from rrrgen.runtime.regressor_columns import drive_columns
 
-NON_NEGATIVE = ("inertia", "viscous", "coulomb")
 ATTEMPTS = 3  # repetitions with a tenfold prior if the solver fails
 AT_BOUND = 1e-3  # a drive parameter below this many (conditional) standard deviations lies on its bound of 0
 TINY = 1e-9
@@ -179,8 +178,8 @@ class _Program:
         A = np.column_stack([R[:, :b] @ K @ self.to_phi, drive_columns])
         # only the triangular factor of the (possibly rank-deficient) problem enters the solver
         self.A, self.z = _reduce_rows(A, R[:, -1])
-        self.bounded = [10 * n + i for i, column in enumerate(drives) if _is_bounded(column)]
-        self.free = [10 * n + i for i, column in enumerate(drives) if not _is_bounded(column)]
+        self.bounded = [10 * n + i for i, column in enumerate(drives) if column.is_non_negative]
+        self.free = [10 * n + i for i, column in enumerate(drives) if not column.is_non_negative]
         self.n, self.basis, self.strength = n, basis, prior.strength
 
     def solve(self, fixed: Mapping[int, float]) -> tuple[Array, Array, dict[str, Any], Neighbourhood]:
@@ -255,11 +254,6 @@ class _Program:
         values = np.asarray(x.value, float)
         values[self.bounded] = np.maximum(values[self.bounded], 0.0)
         return values, str(problem.status)
-
-
-def _is_bounded(column: Column) -> bool:
-    """Whether the drive parameter of a column must not be negative: inertia, viscous and Coulomb friction."""
-    return column.kind in NON_NEGATIVE or column.bounded
 
 
 def _null_space(rows: Array) -> Array:

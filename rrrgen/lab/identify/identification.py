@@ -588,7 +588,9 @@ class _Run:
             fixed=fixed,
             scored=None if robust is None else fit.substitute(T, known),
         )
-        return replace(optimum, theta=T @ optimum.theta + known, names=self.regressor.names)
+        theta, names = T @ optimum.theta + known, self.regressor.names
+        drives = {name: float(value) for name, value in zip(names[b:], theta[b:], strict=True)}
+        return replace(optimum, theta=theta, names=names, drives=drives)
 
     def scores(self, theta: Array, consistent: ConsistentEstimate | None) -> tuple[Score, ...]:
         """Scores of every estimate on fitted rows, on all rows and on unfiltered torques, in sample and held out."""

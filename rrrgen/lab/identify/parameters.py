@@ -28,6 +28,7 @@ DRIVE_UNITS = {
     "coulomb": ("N m", "N"),
     "offset": ("N m", "N"),
 }
+NON_NEGATIVE = ("inertia", "viscous", "coulomb")
 MEANING = {
     "inertia": "Ia: inertia of the drive, at the joint",
     "viscous": "fv: viscous friction",
@@ -123,6 +124,11 @@ class Column:
     meaning: str = ""
     bounded: bool = False
     parameter: str = ""
+
+    @property
+    def is_non_negative(self) -> bool:
+        """Whether the parameter must not be negative: inertia, viscous and Coulomb friction, and those ``bounded``."""
+        return self.kind in NON_NEGATIVE or self.bounded
 
 
 @dataclass(frozen=True)

@@ -221,13 +221,16 @@ def parametrise(
 
     ``fixed`` maps column names to known values, ``fixed_standard`` standard parameters; ``seed`` is that of the random
     motions from which the rank is taken, ``measured`` (n,) the joints whose torques are, all if None. Raises
-    :class:`InputError` for a name that does not exist or a column that already follows from the fixed standard
-    parameters.
+    :class:`InputError` for a name that does not exist, a negative value of a parameter that cannot be, or a column that
+    already follows from the fixed standard parameters.
     """
     names = regressor.names
     unknown = [name for name in fixed if name not in names]
     if unknown:
         raise InputError(f"no parameter '{unknown[0]}'; there are {', '.join(names)}")
+    for column in regressor.columns:
+        if column.is_non_negative and fixed.get(column.name, 0.0) < 0.0:
+            raise InputError(f"the known value of '{column.name}' is {fixed[column.name]:g}; it must not be negative")
     b = len(regressor.model.base_parameter_names)
     rigid = (
         fix_standard(np.asarray(regressor.model.base_projection), fixed_standard)

@@ -19,7 +19,8 @@ from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.identification import Options, identify
 from rrrgen.lab.identify.parameters import DriveTerms
 from rrrgen.lab.identify.regressor import FullRegressor
-from rrrgen.lab.identify.results import as_record, write_identification
+from rrrgen.lab.identify.results import as_record, identified_spec, write_identification
+from rrrgen.robot.spec import standard_parameters
 from samples.recordings import fourier_motion, write_log
 
 PERIOD, N = 2e-3, 4000
@@ -32,6 +33,11 @@ TERMS = DriveTerms.everywhere(3, "viscous", "coulomb")
 @pytest.fixture(scope="module")
 def arm():
     return rrrgen.compile("rrr")
+
+
+def phi_of(spec):
+    """Standard parameters (10n,) of the links of a robot file."""
+    return np.array([float(value) for link in spec.links for value in standard_parameters(link)])
 
 
 def experiment(arm, seed, noise=SIGMA):
@@ -94,8 +100,24 @@ def test_known_friction_can_be_fixed_by_name(arm, logs):
     assert found.structure.rank == 15
     np.testing.assert_array_equal(found.theta[15:], FRICTION)
     assert found.consistent.theta[15:] == pytest.approx(FRICTION)
-    with pytest.raises(InputError, match="no parameter 'fv9'"):
-        identify(arm, logs, KALMAN, Options(terms=TERMS, fixed={"fv9": 1.0}))
+    # the robot file has them too, and so the error that is reported for it
+    spec = identified_spec(arm.spec, found.consistent)
+    stated = [joint.friction for joint in spec.joints]
+    assert [f.viscous for f in stated] + [f.coulomb for f in stated] == FRICTION.tolist()
+    theta = np.concatenate([arm.base_projection @ phi_of(spec), FRICTION])
+    residual = np.concatenate([(rows.W @ theta - rows.tau)[rows.use] for rows in found.blocks])
+    measured = np.concatenate([rows.tau[rows.use] for rows in found.blocks])
+    error = np.linalg.norm(residual) / np.linalg.norm(measured)
+    assert found.consistent_fit["relative_error"] == pytest.approx(error, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("fixed", "message"),
+    [({"fv9": 1.0}, "no parameter 'fv9'"), ({"fc2": -3.0}, "'fc2' is -3; it must not be negative")],
+)
+def test_known_values_that_no_parameter_has_are_refused(arm, logs, fixed, message):
+    with pytest.raises(InputError, match=message):
+        identify(arm, logs[:1], KALMAN, Options(terms=TERMS, fixed=fixed))
 
 
 @pytest.mark.parametrize("method", ["ordinary", "robust"])
