@@ -25,6 +25,7 @@ from rrrgen.lab.estimate.regression import Estimate
 from rrrgen.lab.estimate.tsqr import JointFactors
 from rrrgen.lab.identify.parameters import Column
 from rrrgen.lab.identify.regressor import RigidModel
+from rrrgen.robot.spec import STANDARD, standard_names
 from rrrgen.runtime.regressor_columns import drive_columns
 
 ATTEMPTS = 3  # repetitions with a tenfold prior if the solver fails
@@ -34,6 +35,32 @@ TINY = 1e-9
 
 class InconsistentEstimateError(DerivationError):
     """No physically consistent estimate was found: the least-squares estimate is too far from any."""
+
+
+@dataclass(frozen=True)
+class KnownParameters:
+    """Known values of base and standard parameters: ``rows phi = values``, phi (10n,) the standard parameters.
+
+    ``names`` (k,) are those of the parameters, ``rows`` (k, 10n) their linear combinations, ``values`` (k,) SI.
+    """
+
+    names: tuple[str, ...]
+    rows: Array
+    values: Array
+
+    @classmethod
+    def of(cls, model: RigidModel, base: Mapping[str, float], standard: Mapping[str, float]) -> KnownParameters:
+        """Known ``base`` and ``standard`` parameters of ``model`` by name; names of neither are left out."""
+        K = np.asarray(model.base_projection)
+        unit = dict(zip(standard_names(K.shape[1] // len(STANDARD)), np.eye(K.shape[1]), strict=True))
+        known = [(name, K[i], base[name]) for i, name in enumerate(model.base_parameter_names) if name in base]
+        known += [(name, unit[name], value) for name, value in standard.items() if name in unit]
+        rows = np.array([row for _, row, _ in known]).reshape(len(known), K.shape[1])
+        return cls(tuple(name for name, _, _ in known), rows, np.array([value for _, _, value in known], float))
+
+    def in_words(self) -> str:
+        """The names with their values, such as ``m4 = 2.5, hx2R = 4.05``."""
+        return ", ".join(f"{name} = {value:g}" for name, value in zip(self.names, self.values, strict=True))
 
 
 @dataclass(frozen=True)
@@ -111,7 +138,7 @@ def consistent_estimate(
     weights: Array,
     prior: Prior,
     reference: Estimate | None = None,
-    fixed: Mapping[int, float] | None = None,
+    known: KnownParameters | None = None,
     scored: JointFactors | None = None,
 ) -> ConsistentEstimate:
     """Estimate physically consistent parameters: least squares with positive definite pseudo-inertias of all links.
@@ -119,14 +146,14 @@ def consistent_estimate(
     ``factors`` are the triangular factors of the rows, whose columns are ``columns``; ``prior`` is that of the
     pseudo-inertias.
     ``weights`` (n,) are those of the joints, ``1 / sigma_j``, which make the noise of all rows equal; ``reference`` is
-    the unconstrained estimate to which the residual is compared; ``fixed`` maps indices of standard parameters to known
-    values; ``scored`` are the rows on which errors are reported if they differ from the fitted ones, as in robust
-    estimation. Raises :class:`InconsistentEstimateError` if the solver fails.
+    the unconstrained estimate to which the residual is compared; ``known`` are base and standard parameters to keep at
+    known values; ``scored`` are the rows on which errors are reported if they differ from the fitted ones, as in robust
+    estimation. Raises :class:`InconsistentEstimateError` if the solver fails, or no body has the known values.
     """
     b, n = model.base_projection.shape[0], len(prior.P0)
     R = factors.stack(weights)
-    program = _Program(R, np.asarray(model.base_projection), columns, prior)
-    phi, drives, facts, near = program.solve(fixed or {})
+    program = _Program(R, np.asarray(model.base_projection), columns, prior, known or KnownParameters.of(model, {}, {}))
+    phi, drives, facts, near = program.solve()
     beta = np.asarray(model.base_projection) @ phi
     theta = np.concatenate([beta, drives])
     rows = scored or factors
@@ -157,10 +184,10 @@ class _Program:
     """The semidefinite program of the physically consistent estimate.
 
     Its variables are the pseudo-inertias X scaled by the prior, ``P = L X L'`` with ``P0 = L L'``, and the drive
-    parameters.
+    parameters. ``known`` are equalities of the standard parameters.
     """
 
-    def __init__(self, R: Array, K: Array, columns: Sequence[Column], prior: Prior) -> None:
+    def __init__(self, R: Array, K: Array, columns: Sequence[Column], prior: Prior, known: KnownParameters) -> None:
         self.L = np.linalg.cholesky(prior.P0)
         b, n = K.shape[0], len(prior.P0)
         self.K = K
@@ -178,31 +205,39 @@ class _Program:
         A = np.column_stack([R[:, :b] @ K @ self.to_phi, drive_columns])
         # only the triangular factor of the (possibly rank-deficient) problem enters the solver
         self.A, self.z = _reduce_rows(A, R[:, -1])
+        self.known = known
+        rows = known.rows @ self.to_phi
+        size = np.linalg.norm(rows, axis=1)
+        self.held, self.held_at = rows / size[:, None], known.values / size
         self.bounded = [10 * n + i for i, column in enumerate(drives) if column.is_non_negative]
         self.free = [10 * n + i for i, column in enumerate(drives) if not column.is_non_negative]
         self.n, self.basis, self.strength = n, basis, prior.strength
 
-    def solve(self, fixed: Mapping[int, float]) -> tuple[Array, Array, dict[str, Any], Neighbourhood]:
+    def solve(self) -> tuple[Array, Array, dict[str, Any], Neighbourhood]:
         """Solve the program; returns phi (10n,), the drive parameters, facts on the solution, its second-order model.
 
-        ``fixed`` maps indices of standard parameters to known values. If the least-squares estimate is far from
-        physical, a very weak prior makes the problem too ill-conditioned for the solver; the prior is then strengthened
-        tenfold and the problem solved again. The facts state the weight used.
+        If the least-squares estimate is far from physical, a very weak prior makes the problem too ill-conditioned for
+        the solver; the prior is then strengthened tenfold and the problem solved again. The facts state the weight
+        used.
         """
         strength = self.strength
         for _ in range(1 + ATTEMPTS):
-            x, status = self._attempt(strength, fixed)
+            x, status = self._attempt(strength)
             if x is not None:
                 drives = x[10 * self.n :] * self.drive_size
                 facts = {"solver": "CLARABEL", "strength": strength, "status": status}
-                return self.to_phi @ x[: 10 * self.n], drives, facts, self._near(x, strength, fixed)
+                return self.to_phi @ x[: 10 * self.n], drives, facts, self._near(x, strength)
             strength *= 10.0
+        if status.startswith("infeasible") and self.known.names:
+            # without equalities every prior is feasible: it is they that no body satisfies, whatever the torques
+            raise InconsistentEstimateError(f"no arm that can be built has {self.known.in_words()}")
         reported = status.partition(". ")[0]
+        given = f" with {self.known.in_words()}" if self.known.names else ""
         raise InconsistentEstimateError(
-            f"no arm that can be built is near the least-squares estimate: the solver reports '{reported}'"
+            f"no arm that can be built{given} is near the least-squares estimate: the solver reports '{reported}'"
         )
 
-    def _near(self, x: Array, strength: float, fixed: Mapping[int, float]) -> Neighbourhood:
+    def _near(self, x: Array, strength: float) -> Neighbourhood:
         """Second-order model of the objective at the solution ``x``, for the covariance.
 
         The Hessian of ``-log det X`` has the entries ``tr(X^-1 E_k X^-1 E_l)``, with E_k the derivative of X by x_k.
@@ -215,8 +250,8 @@ class _Program:
             moved = inverse @ self.basis
             pull[part, part] = 0.5 * strength * np.einsum("kab,lba->kl", moved, moved)
         held = [i for i in self.bounded if x[i] < AT_BOUND]
-        rows = [self.to_phi[i] @ np.eye(10 * self.n, m) for i in fixed] + list(np.eye(m)[held])
-        Z = _null_space(np.array(rows)) if rows else np.eye(m)
+        rows = np.concatenate([self.held @ np.eye(10 * self.n, m), np.eye(m)[held]])
+        Z = _null_space(rows) if len(rows) else np.eye(m)
         back = np.zeros((m, m))
         back[: 10 * self.n, : 10 * self.n] = self.to_phi
         back[10 * self.n :, 10 * self.n :] = np.diag(self.drive_size)
@@ -227,7 +262,7 @@ class _Program:
         curvature = self.A.T @ self.A + pull
         return Neighbourhood(to_columns @ Z, Z.T @ curvature @ Z + TINY * np.eye(Z.shape[1]), Z.T @ pull @ Z)
 
-    def _attempt(self, strength: float, fixed: Mapping[int, float]) -> tuple[Array | None, str]:
+    def _attempt(self, strength: float) -> tuple[Array | None, str]:
         cp = _cvxpy()
         x = cp.Variable(self.A.shape[1])
         penalty: Any = 0.0
@@ -239,8 +274,8 @@ class _Program:
             penalty = penalty + cp.trace(X) - cp.log_det(X)
         if self.bounded:
             constraints.append(x[self.bounded] >= 0)
-        for index, value in fixed.items():
-            constraints.append(self.to_phi[index] @ x[: 10 * self.n] == value)
+        if len(self.held):
+            constraints.append(self.held @ x[: 10 * self.n] == self.held_at)
         # a small quadratic term makes unbounded parameters unique that the data do not determine
         if self.free:
             penalty = penalty + 1e-9 * cp.sum_squares(x[self.free])
@@ -253,7 +288,18 @@ class _Program:
             return None, str(problem.status)
         values = np.asarray(x.value, float)
         values[self.bounded] = np.maximum(values[self.bounded], 0.0)
-        return values, str(problem.status)
+        return self._hold(values), str(problem.status)
+
+    def _hold(self, x: Array) -> Array:
+        """The nearest ``x`` that has the known values to rounding, which the solver keeps to its tolerance only.
+
+        ``x`` itself where this small step would leave the cone of possible bodies.
+        """
+        bodies = slice(10 * self.n)
+        moved = x.copy()
+        moved[bodies] += np.linalg.pinv(self.held) @ (self.held_at - self.held @ x[bodies])
+        X = np.tensordot(moved[bodies].reshape(self.n, 10), self.basis, 1)
+        return moved if np.all(np.linalg.eigvalsh(X)[:, 0] > 0.0) else x
 
 
 def _null_space(rows: Array) -> Array:

@@ -172,9 +172,12 @@ class LawChoice:
 
     @classmethod
     def parse(cls, texts: Sequence[str], spec: Any) -> LawChoice:
-        """Read ``LAW``, ``auto`` or ``JOINT=LAW``; raises InputError for laws, joints and motors that do not exist."""
+        """Read ``LAW``, ``auto`` or ``JOINT=LAW``.
+
+        Raises InputError for laws, joints and motors that do not exist, and for two laws at one place.
+        """
         owners = _owner_names(spec)
-        common, named = None, []
+        laws: dict[str, str] = {}  # by joint or motor, '' for all
         for text in texts:
             where, _, law = text.rpartition("=")
             if law not in (*LAWS, AUTO):
@@ -185,13 +188,13 @@ class LawChoice:
                 raise InputError(
                     f"no joint or motor '{where}' states friction; there are {', '.join(owners) or 'none'}"
                 )
-            if where:
-                named.append((where, law))
-            else:
-                common = law
+            if laws.setdefault(where, law) != law:
+                place = f"at {where}" if where else "at all joints"
+                raise InputError(f"two friction laws {place}, {laws[where]} and {law}: leave one away")
+        common = laws.pop("", None)
         if common is not None and not owners:
             raise InputError("no joint or motor of the robot file states friction: write friction: {viscous: 0, ...}")
-        return cls(common, tuple(named))
+        return cls(common, tuple(laws.items()))
 
     def law_of(self, name: str, stated: str) -> str:
         """Law to fit at the joint or motor ``name``; ``stated`` is its law in the robot file."""

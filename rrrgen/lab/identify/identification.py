@@ -42,6 +42,7 @@ from rrrgen.lab.identify.bandwidth import Tuning, reach, tune
 from rrrgen.lab.identify.consistency import (
     POSES,
     ConsistentEstimate,
+    KnownParameters,
     consistent_estimate,
     indefinite_share,
     mass_matrix,
@@ -83,7 +84,6 @@ from rrrgen.lab.identify.scores import (
     left_in_rows,
     score_models,
 )
-from rrrgen.robot.spec import standard_names
 
 # ------------------------------------------------------------------------------------------------------------------
 # The estimate that is written to the robot file, with its uncertainty.
@@ -288,6 +288,15 @@ class Identification:
     def names(self) -> tuple[str, ...]:
         """Names of the identifiable combinations."""
         return self.estimate.names
+
+    @property
+    def known(self) -> dict[str, float]:
+        """Base, drive and friction parameters (SI) by name that have, or follow from, the known values of the options."""
+        chosen = self.parametrisation
+        if chosen is None:
+            return {}
+        held = set(range(len(self.columns))) - set(chosen.free)
+        return {self.columns[i].name: float(chosen.known[i]) for i in sorted(held) if not np.any(chosen.T[i])}
 
     def left_in(self, joints: Sequence[str]) -> tuple[Remainder, ...]:
         """What noise does not explain in held-out torques of the written model, for each of the ``joints`` (n,)."""
@@ -575,8 +584,6 @@ class _Run:
                 free.append(i)
         rms = float(np.sqrt(np.sum(fit.torque_squares) / np.sum(fit.counts)))
         prior = options.prior or default_prior(self.model.spec, rms, options.prior_strength)
-        names = standard_names(np.shape(self.model.base_projection)[1] // 10)
-        fixed = {names.index(name): value for name, value in options.fixed_standard.items()}
         T = np.eye(len(columns))[:, free]
         optimum = consistent_estimate(
             self.model,
@@ -585,7 +592,7 @@ class _Run:
             estimate.weights if robust is None else np.ones(self.model.n),
             prior,
             reference=estimate,
-            fixed=fixed,
+            known=KnownParameters.of(self.model, options.fixed, options.fixed_standard),
             scored=None if robust is None else fit.substitute(T, known),
         )
         theta, names = T @ optimum.theta + known, self.regressor.names

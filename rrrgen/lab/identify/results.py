@@ -65,6 +65,8 @@ def parameter_lines(identification: Identification, width: int | None = None) ->
             "unconstrained estimate; pull: that difference in deviations of the latter; drives at their bound of 0 do "
             "not move"
         )
+    if identification.known:
+        yield "known: " + ", ".join(f"{name} = {value:.6g}" for name, value in identification.known.items())
     yield from (f"names: {meaning}" for meaning in identification.meanings)
     yield from _essential(identification)
 
@@ -104,6 +106,7 @@ def as_record(identification: Identification, joints: Sequence[str]) -> dict[str
         "delivered": identification.delivered.origin,
         "identified": [dict(zip(header, row, strict=True)) for row in rows],
         "names": list(identification.meanings),
+        "known": identification.known,
         "hardly_determined": list(identification.hardly_determined),
         "torque_band": {
             k: None if coverage is None else (coverage.share, coverage.parameters) for k, coverage in covered.items()

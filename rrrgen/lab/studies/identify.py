@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from dataclasses import dataclass, replace
@@ -123,7 +124,10 @@ class IdentifyOptions(StudyOptions):
 
 
 def known_values(entries: Sequence[str]) -> tuple[dict[str, float], dict[str, float]]:
-    """Split ``NAME=VALUE`` entries into known columns of the regressor and known standard parameters (m2, mx2, ...)."""
+    """Split ``NAME=VALUE`` entries into known columns of the regressor and known standard parameters (m2, mx2, ...).
+
+    Raises :class:`OptionError` for an entry of another form, and for two values of one parameter.
+    """
     columns: dict[str, float] = {}
     standard: dict[str, float] = {}
     for entry in entries:
@@ -132,10 +136,12 @@ def known_values(entries: Sequence[str]) -> tuple[dict[str, float], dict[str, fl
             name, value = (match.group(1), float(match.group(2))) if match else ("", 0.0)
         except ValueError:
             name, value = "", 0.0
-        if not name:
+        if not name or not math.isfinite(value):
             raise OptionError(f"'{entry}' is not NAME=VALUE", "fix")
         is_standard = re.fullmatch(r"(m|m[xyz]|I[xyz][xyz])\d+", name) is not None
-        (standard if is_standard else columns)[name] = value
+        chosen = standard if is_standard else columns
+        if chosen.setdefault(name, value) != value:
+            raise OptionError(f"{{fix}} gives {name} two values, {chosen[name]:g} and {value:g}", "fix")
     return columns, standard
 
 

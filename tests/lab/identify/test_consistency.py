@@ -7,7 +7,13 @@ from rrrgen.base.errors import InputError
 from rrrgen.derive.parameters.physical_links import Prior, pseudo_inertia
 from rrrgen.lab.estimate.regression import least_squares
 from rrrgen.lab.estimate.tsqr import Rows, factor_rows
-from rrrgen.lab.identify.consistency import consistent_estimate, indefinite_share, mass_matrix
+from rrrgen.lab.identify.consistency import (
+    InconsistentEstimateError,
+    KnownParameters,
+    consistent_estimate,
+    indefinite_share,
+    mass_matrix,
+)
 from rrrgen.lab.identify.parameters import DriveTerms
 from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.robot.spec import standard_names
@@ -83,13 +89,29 @@ def test_known_standard_parameters_are_kept():
     phi = point_masses(3, 7)
     regressor, factors = observed(model, DriveTerms(), model.base_projection @ phi, 0.05, 8)
     names = standard_names(3)
-    known = {names.index("my2"): 0.0, names.index("m3"): 2.5}
+    base = 4  # a base parameter is known as well, at a value 5 % beside the true one
+    value = 1.05 * (model.base_projection @ phi)[base]
+    known = KnownParameters.of(model, {model.base_parameter_names[base]: value}, {"my2": 0.0, "m3": 2.5})
     found = consistent_estimate(
-        model, factors, regressor.columns, np.full(3, 20.0), sphere_prior(3, strength=1.0), fixed=known
+        model, factors, regressor.columns, np.full(3, 20.0), sphere_prior(3, strength=1.0), known=known
     )
-    for index, value in known.items():
-        assert found.phi[index] == pytest.approx(value, abs=1e-7)
+    assert found.phi[names.index("my2")] == pytest.approx(0.0, abs=1e-12)
+    assert found.phi[names.index("m3")] == pytest.approx(2.5, rel=1e-12)
+    assert model.base_projection[base] @ found.phi == pytest.approx(value, rel=1e-12)
     assert np.all(found.eigenvalues > 0)
+    # the covariance has none of what is known
+    along = found.near.directions[base]
+    assert np.abs(along).max() < 1e-9 * np.abs(found.near.directions).max()
+
+
+def test_known_values_that_no_body_has_are_named():
+    model = NumericModel(RRR_ROWS)
+    regressor, factors = observed(model, DriveTerms(), model.base_projection @ point_masses(3, 7), 0.05, 8)
+    known = KnownParameters.of(model, {}, {"Izz3": -1.0})
+    with pytest.raises(InconsistentEstimateError, match="no arm that can be built has Izz3 = -1"):
+        consistent_estimate(
+            model, factors, regressor.columns, np.full(3, 20.0), sphere_prior(3, strength=1.0), known=known
+        )
 
 
 def test_the_prior_decides_what_the_torques_leave_open():

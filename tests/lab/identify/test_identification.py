@@ -91,7 +91,10 @@ def test_balanced_links_leave_thirteen_parameters(arm, logs):
         truth = np.concatenate([np.delete(arm.beta, [3, 14]), FRICTION])
         assert np.max(np.abs(found.estimate.x - truth) / found.estimate.std) < 3.0
     np.testing.assert_allclose(by_link.estimate.x, by_name.estimate.x, rtol=1e-9)
-    assert by_link.consistent.phi[12] == pytest.approx(0.0, abs=1e-7)
+    assert by_link.consistent.phi[12] == pytest.approx(0.0, abs=1e-12)
+    for found in (by_link, by_name):
+        links = identified_spec(arm.spec, found.consistent)
+        np.testing.assert_allclose((arm.base_projection @ phi_of(links))[[3, 14]], 0.0, atol=1e-9)
 
 
 def test_known_friction_can_be_fixed_by_name(arm, logs):

@@ -194,6 +194,9 @@ def test_arrays_that_are_no_recording_are_refused(arrays, change, message):
         ({"cross_validate": 2, "split": "first:0.5"}, "^cross_validate holds out every part in turn: leave split away"),
         ({"tests": "x.csv"}, "^tests scores the simulated loop: give its controller, too"),
         ({"fix": "my2"}, "'my2' is not NAME=VALUE"),
+        ({"fix": "my2=1e999"}, "'my2=1e999' is not NAME=VALUE"),
+        ({"fix": ["fv1=3", "my2=0", "fv1=4"]}, "^fix gives fv1 two values, 3 and 4"),
+        ({"friction": ["stribeck", "dahl"]}, "^two friction laws at all joints, stribeck and dahl"),
         ({"method": "kalman", "cutoff": 3}, "cutoff belongs to method butterworth, not to kalman"),
     ],
 )
