@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rrrgen.base.errors import require
+from rrrgen.base.errors import InputError, require
 from rrrgen.lab.studies.options import StudyOptions, option, with_changes
 from rrrgen.lab.studies.results import Run, StudyResult
 
@@ -136,6 +136,8 @@ def contact_thresholds(
 
     findings, progress = findings or ignore, progress or ignore
     arm = robot_input(robot, findings)
+    if arm.spec.links is None:
+        raise InputError("the robot file has no links: the momentum observer needs a known arm")
     logs = recording_inputs(recordings, arm.spec, skip_truncated_line=skip_truncated_line)
     settings = {**chosen.settings(), "skip_truncated_line": skip_truncated_line, **arm.settings, **logs.settings}
     tuning = {} if chosen.tuning is None else {"tuning": chosen.tuning}

@@ -1,5 +1,7 @@
 """Thresholds of contact detection as a function: from arrays without files, with the numbers of the command."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,3 +45,10 @@ def test_a_tuning_that_is_none_is_refused(arrays, tmp_path):
         rrrgen.contact_thresholds("planar2r", arrays, tuning=tmp_path / "tuning.json")
     with pytest.raises(rrrgen.InputError, match="force is 0 N, but must be above 0 N"):
         rrrgen.contact_thresholds("planar2r", arrays, force=0)
+
+
+def test_a_robot_without_links_is_refused_before_anything_is_written(arrays, tmp_path):
+    bare = replace(rrrgen.load_spec("planar2r"), links=None)
+    with pytest.raises(rrrgen.InputError, match="no links"):
+        rrrgen.contact_thresholds(bare, arrays, folder=tmp_path / "run")
+    assert not (tmp_path / "run").exists()
