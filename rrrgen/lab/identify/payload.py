@@ -27,7 +27,7 @@ from rrrgen.lab.identify.observations import Recording, RowMaker
 from rrrgen.lab.identify.parameters import Column, DriveTerms
 from rrrgen.lab.identify.regressor import assembly_mask
 from rrrgen.lab.identify.rows import body_columns, deviations, factors_and_blocks, inertial, slow_samples
-from rrrgen.lab.identify.scores import UNEXPLAINED, not_explained
+from rrrgen.lab.identify.scores import UNEXPLAINED, WORSE, not_explained
 from rrrgen.lab.identify.validation import robot_model
 from rrrgen.robot.spec import STANDARD, RobotSpec, link_of, standard_parameters
 from rrrgen.runtime.regressor_columns import drive_columns
@@ -37,6 +37,8 @@ UNITS = ("kg", "m", "m", "m", *["kg m^2"] * 6)
 PRIOR_RADIUS = 0.1  # m, radius of gyration of the prior, which determines what the motion does not
 CERTAIN = 0.5  # relative standard deviation of the mass above which there is no estimate
 ASSUMED = 0.5  # share of the prior in the variance above which a value counts as not determined
+SIGNIFICANT = 4.0  # deviations below 0 at which the mass of the unconstrained estimate counts as negative
+NOTICEABLE = 1.1  # ratio of torque errors above which the motion tells that mass, and not the choice among equal ones
 SHARE = 1e-4  # of the RMS torque: a payload with smaller torques counts as none
 
 
@@ -175,6 +177,7 @@ def identify_payload(
     by_prior = deviations(inertial, phi, assumed) ** 2 > ASSUMED * std**2
     undetermined = tuple(name for name, prior in zip(NAMES, by_prior, strict=True) if prior)
     error, alone = error_of(expand(optimum.theta)), error_of(known)
+    _refuse_impossible_payload(float(estimate.x[0]), float(estimate.std[0]), least, error, alone)
     if not std[0] <= CERTAIN * values[0] or values[0] * 9.81 * PRIOR_RADIUS < SHARE * size:
         raise DerivationError(
             f"the mass of the payload is not determined: {values[0]:.3g} +- {std[0]:.2g} kg, and the torque error "
@@ -188,6 +191,22 @@ def identify_payload(
     never = (f"payload: {sentence}, whatever the motion of this arm" for sentence in structure.in_words())
     notes = (*slow.sentences(), *never)
     return Payload(values, std, phi, undetermined, alone, error, friction, notes, tuning)
+
+
+def _refuse_impossible_payload(mass: float, std: float, least: float, error: float, alone: float) -> None:
+    """Raise DerivationError where parameters that no body has explain the torques, and those of bodies do not.
+
+    ``mass`` (kg) with its deviation ``std`` is that of the unconstrained estimate. The relative torque errors are
+    ``least`` with it, ``error`` with the physically consistent estimate, ``alone`` without a payload.
+    """
+    negative = mass < -SIGNIFICANT * std and error > NOTICEABLE * least
+    left, there = np.sqrt(max(error**2 - least**2, 0.0)), np.sqrt(max(alone**2 - least**2, 0.0))
+    if negative or (error > WORSE * least and left > UNEXPLAINED * there):
+        raise DerivationError(
+            f"no payload explains the torques: {100 * error:.3g} % of them are left with the best one, and "
+            f"{100 * least:.3g} % with parameters that no body has, among them a mass of {mass:.3g} +- {std:.2g} kg. Was "
+            "the robot identified with a load that is not on now, and is all of the load on the last link?"
+        )
 
 
 def _prior(estimate: Estimate, torque: float) -> Prior:

@@ -74,6 +74,17 @@ def test_no_payload_and_no_links_are_refused(planar):
         identify_payload(bare, [recording(planar, 3)], LOGGED)
 
 
+def test_a_load_that_was_taken_off_is_no_payload(planar):
+    """The robot file has 2 kg more than the arm: the unconstrained mass is -2 kg, and the best body is a wrong one."""
+    first, last = planar.spec.links
+    loaded = rrrgen.compile(replace(planar.spec, links=(first, replace(last, mass=last.mass + 2))), backend="numpy")
+    with pytest.raises(
+        DerivationError, match=r"no payload explains the torques: .* a mass of -2(\.0\d)? \+- "
+    ) as caught:
+        identify_payload(loaded, [recording(planar, 3, carried=False)], LOGGED)
+    assert "no body has" in str(caught.value)
+
+
 def test_a_joint_that_stands_is_held_by_friction(puma):
     """Its motor gives no torque at all, whatever the payload weighs: that must not tell where the payload is."""
     log = recording(puma, 1, seconds=10.0)
