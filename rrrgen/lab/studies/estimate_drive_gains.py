@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -102,16 +103,25 @@ def estimate_drive_gains(
     chosen = with_changes(DriveGainsOptions, options, changes)
     require("rrrgen experiment drive-gains", "scipy")
     import numpy as np
+    import sympy as sp
 
     from rrrgen.lab.identify.rows import standard_of
     from rrrgen.lab.studies.sources import chosen_processing, ignore, recording_inputs, robot_input
+    from rrrgen.robot.file.links import physical_fault
+    from rrrgen.robot.spec import LinkSpec
 
-    if not mass > 0.0:
-        raise OptionError(f"{{mass}} is {mass:g} kg, but must be above 0 kg", "mass")
+    if not (mass > 0.0 and math.isfinite(mass)):
+        raise OptionError(f"{{mass}} is {mass:g} kg, but must be finite and above 0 kg", "mass")
     point, tensor = np.array(com, float), np.array(inertia, float)
     for name, values, size in (("com", point, 3), ("inertia", tensor, 6)):
         if values.shape != (size,):
             raise OptionError(f"{{{name}}} has the shape {values.shape}, not ({size},)", name)
+        if not np.isfinite(values).all():
+            raise OptionError(f"{{{name}}} is {values.tolist()}, not {size} finite numbers", name)
+    x, y, z, *moments = (sp.Rational(repr(float(value))) for value in (*point, *tensor))
+    # about the centre of mass as given: moved to the origin, rounding would make a point mass impossible
+    if fault := physical_fault(LinkSpec(sp.Rational(repr(float(mass))), (x, y, z), tuple(moments), about="com")):
+        raise OptionError(f"no body has this {{inertia}}: {fault}", "inertia")
     findings, progress = findings or ignore, progress or ignore
     arm = robot_input(robot, findings)
     logs, carrying = (

@@ -46,7 +46,9 @@ class ValidateOptions(StudyOptions):
         (),
         "Recording the model was fitted to, if the robot file does not state it; repeat for several; or: none.",
     )
-    relative_error: float = option(0.1, "Largest torque error that passes, as a share of the RMS torque.", shown=True)
+    relative_error: float = option(
+        0.1, "Largest torque error that passes, as a share of the RMS torque.", above=0, shown=True
+    )
     split: str = option(
         "none",
         "Score only the part that this split of `rrrgen identify` holds out: first:0.6, blocks:0.5, fold:2/5.",

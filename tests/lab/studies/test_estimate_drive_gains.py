@@ -48,8 +48,12 @@ def test_torques_that_no_gains_explain_are_refused(recordings):
 @pytest.mark.parametrize(
     ("payload", "message"),
     [
-        ({"mass": 0}, "^mass is 0 kg, but must be above 0 kg"),
+        ({"mass": 0}, "^mass is 0 kg, but must be finite and above 0 kg"),
+        ({"mass": np.inf}, "^mass is inf kg, but must be finite and above 0 kg"),
         ({"mass": 1, "com": [1, 2]}, r"^com has the shape \(2,\), not \(3,\)"),
+        ({"mass": 1, "com": [np.nan, 0, 0]}, r"^com is \[nan, 0.0, 0.0\], not 3 finite numbers"),
+        ({"mass": 1, "inertia": [1, 0.1, 0.1, 0, 0, 0]}, "^no body has this inertia: .* the triangle inequality"),
+        ({"mass": 1, "com": COM, "inertia": [-1, -0.1, -0.1, 0, 0, 0]}, "^no body has this inertia: "),
     ],
 )
 def test_a_payload_that_is_none_is_refused(recordings, payload, message):

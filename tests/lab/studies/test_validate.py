@@ -54,6 +54,9 @@ def test_the_true_robot_passes_and_a_limit_below_the_noise_fails(arrays, result)
     strict = rrrgen.validate("planar2r", arrays, decimate=4, relative_error=1e-6)
     assert not strict.passed
     assert "FAILED" in repr(strict)
+    for limit in (-3.0, 0.0, np.inf):
+        with pytest.raises(rrrgen.InputError, match="^relative_error is "):
+            rrrgen.validate("planar2r", arrays, decimate=4, relative_error=limit)
 
 
 def test_a_robot_knows_what_it_was_fitted_to(arrays):
