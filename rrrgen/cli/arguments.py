@@ -49,6 +49,10 @@ class Number(click.FloatRange):
         super().__init__(min, max, **more)
         self.name = "float" if min is None and max is None else self.name
 
+    def _describe_range(self) -> str:
+        """The bounds as the help prints them; click writes ``x<=None`` where there are none."""
+        return "" if self.min is None and self.max is None else super()._describe_range()
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """The number that the word ``value`` stands for."""
         number: float = super().convert(value, param, ctx)

@@ -33,6 +33,7 @@ def test_every_command_has_help_with_an_example(name, rrrgen):
     assert code == 0
     assert re.search(r"Examples?:\n +rrrgen", out) or "Commands:" in out
     assert COMMANDS[name][1].endswith(".")
+    assert "=None" not in out  # the range of a number without bounds
 
 
 def test_the_table_of_commands_points_at_commands():

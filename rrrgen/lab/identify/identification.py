@@ -291,7 +291,7 @@ class Identification:
 
     @property
     def known(self) -> dict[str, float]:
-        """Base, drive and friction parameters (SI) by name that have, or follow from, the known values of the options."""
+        """Base, drive and friction parameters (SI) by name that have a known value, or follow from known ones."""
         chosen = self.parametrisation
         if chosen is None:
             return {}

@@ -204,8 +204,8 @@ def _refuse_impossible_payload(mass: float, std: float, least: float, error: flo
     if negative or (error > WORSE * least and left > UNEXPLAINED * there):
         raise DerivationError(
             f"no payload explains the torques: {100 * error:.3g} % of them are left with the best one, and "
-            f"{100 * least:.3g} % with parameters that no body has, among them a mass of {mass:.3g} +- {std:.2g} kg. Was "
-            "the robot identified with a load that is not on now, and is all of the load on the last link?"
+            f"{100 * least:.3g} % with parameters that no body has, among them a mass of {mass:.3g} +- {std:.2g} kg. "
+            "Was the robot identified with a load that is not on now, and is all of the load on the last link?"
         )
 
 

@@ -55,7 +55,7 @@ def test_the_true_robot_passes_and_a_limit_below_the_noise_fails(arrays, result)
     assert not strict.passed
     assert "FAILED" in repr(strict)
     for limit in (-3.0, 0.0, np.inf):
-        with pytest.raises(rrrgen.InputError, match="^relative_error is "):
+        with pytest.raises(rrrgen.InputError, match=r"^relative_error is "):
             rrrgen.validate("planar2r", arrays, decimate=4, relative_error=limit)
 
 
