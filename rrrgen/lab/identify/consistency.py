@@ -228,8 +228,7 @@ class _Program:
                 facts = {"solver": "CLARABEL", "strength": strength, "status": status}
                 return self.to_phi @ x[: 10 * self.n], drives, facts, self._near(x, strength)
             strength *= 10.0
-        if status.startswith("infeasible") and self.known.names:
-            # without equalities every prior is feasible: it is they that no body satisfies, whatever the torques
+        if self.known.names and self._largest_margin() < TINY**0.5:
             raise InconsistentEstimateError(f"no arm that can be built has {self.known.in_words()}")
         reported = status.partition(". ")[0]
         given = f" with {self.known.in_words()}" if self.known.names else ""
@@ -289,6 +288,26 @@ class _Program:
         values = np.asarray(x.value, float)
         values[self.bounded] = np.maximum(values[self.bounded], 0.0)
         return self._hold(values), str(problem.status)
+
+    def _largest_margin(self) -> float:
+        """Largest possible smallest eigenvalue, up to 1, of the scaled pseudo-inertias with the known values.
+
+        It is negative or zero exactly if no bodies have them, whatever the torques. The status of the solver does not
+        tell: it also calls ill-conditioned problems infeasible.
+        """
+        cp = _cvxpy()
+        x, margin = cp.Variable(10 * self.n), cp.Variable()
+        upper = list(zip(*np.triu_indices(4), strict=True))
+        constraints: list[Any] = [margin <= 1.0, self.held @ x == self.held_at]
+        for j in range(self.n):
+            X = cp.Variable((4, 4), symmetric=True)
+            constraints.append(x[10 * j : 10 * j + 10] == cp.hstack([X[i, k] for i, k in upper]))
+            constraints.append(X - margin * np.eye(4) >> 0)
+        try:
+            cp.Problem(cp.Maximize(margin), constraints).solve(solver=cp.CLARABEL)
+        except cp.SolverError:
+            return 1.0
+        return 1.0 if margin.value is None else float(margin.value)
 
     def _hold(self, x: Array) -> Array:
         """The nearest ``x`` that has the known values to rounding, which the solver keeps to its tolerance only.
