@@ -192,10 +192,16 @@ def structure_of(
     return structure_of_matrix(W, names, tolerance)
 
 
-def structure_of_matrix(W: Array, names: Sequence[str], tolerance: float = RELATIVE_TOLERANCE) -> Structure:
+def structure_of_matrix(
+    W: Array,
+    names: Sequence[str],
+    tolerance: float = RELATIVE_TOLERANCE,
+    reason: str = "the robot may be nearly degenerate (nearly parallel axes?)",
+) -> Structure:
     """Find the identifiable combinations of the parameters of a sampled regressor ``W`` (rows, p).
 
-    Of dependent columns the first ones are kept. Raises :class:`DerivationError` if the rank is not clear-cut.
+    Of dependent columns the first ones are kept. Raises :class:`DerivationError`, with the probable ``reason``, if the
+    rank is not clear-cut.
     """
     size = np.linalg.norm(W, axis=0)
     present = size > NO_COLUMN * float(np.max(size, initial=0.0))
@@ -206,7 +212,7 @@ def structure_of_matrix(W: Array, names: Sequence[str], tolerance: float = RELAT
     if len(kept) != rank:
         raise DerivationError(
             f"the rank of the regressor is not clear-cut: {rank} singular values, but {len(kept)} columns, are above "
-            f"the relative tolerance {tolerance:g}; the robot may be nearly degenerate (nearly parallel axes?)"
+            f"the relative tolerance {tolerance:g}; {reason}"
         )
     R = Q.T @ W[:, kept]
     G = np.linalg.solve(R, Q.T @ W) if rank else np.zeros((0, len(names)))
@@ -283,11 +289,13 @@ class Direction:
 def unexcited_parameters(factors: JointFactors, names: Sequence[str], weights: Array | None = None) -> tuple[str, ...]:
     """One sentence for every structurally identifiable parameter that this motion does not determine.
 
-    ``factors`` are those of the fitted rows, ``weights`` (n,) those of the joints.
+    ``factors`` are those of the fitted rows, ``weights`` (n,) those of the joints. Raises :class:`DerivationError` if
+    the motion is so poor that rounding decides which they are.
     """
     p = factors.parameters
     R = factors.stack(weights)[:p, :p]
-    structure = structure_of_matrix(R, names, NOT_EXCITED)
+    reason = "the recordings may be too short, or joints hardly move in them: record longer, livelier motions"
+    structure = structure_of_matrix(R, names, NOT_EXCITED, reason)
     sentences = []
     for j in structure.dependent:
         partners = [structure.names[i] for i in range(structure.rank) if structure.G[i, j] != 0.0]

@@ -85,7 +85,7 @@ def factor_recordings(
         state.add(fit, scored, samples)
         if progress is not None:
             progress(state.samples, total, f"{state.samples} samples")
-    return state.factors()
+    return state.factors(observations)
 
 
 class _State:
@@ -106,7 +106,15 @@ class _State:
         if self.path is not None:
             self._write(self.path)
 
-    def factors(self) -> Factors:
+    def factors(self, observations: Observations) -> Factors:
+        """The merged factors; raises InputError if the ``observations`` have no window of rows."""
+        cutoff = observations.maker.processing.cutoff
+        if cutoff is not None and (self.fit is None or self.score is None) and any(map(len, observations.recordings)):
+            longest = max(recording.span[1] for recording in observations.recordings)
+            raise InputError(
+                f"no row is left: a filter with a cut-off of {cutoff:g} Hz needs more than the {longest:.3g} s of the "
+                "longest recording to settle; raise the cut-off frequency, or record longer"
+            )
         if self.fit is None or self.score is None:
             raise InputError("the recordings hold no samples")
         return Factors(self.fit, self.score)
@@ -184,7 +192,7 @@ def rows_of_recordings(
         state.samples += window.stop - window.start
         if progress is not None:
             progress(state.samples, total, f"{state.samples} samples")
-    return state.factors(), fitted, scored
+    return state.factors(observations), fitted, scored
 
 
 @dataclass(frozen=True)

@@ -379,6 +379,12 @@ def identify(
         )
     if int(np.sum(factors.fit.counts)) == 0:
         raise InputError("no row is left to fit: check the split of the data and the lowest speed")
+    if options.split.kind == "blocks" and int(np.sum(factors.score.counts)) == 0:
+        longest = max(recording.span[1] for recording in recordings)
+        raise InputError(
+            f"no row is held out: between blocks of {options.split.value:g} s there is none in recordings of "
+            f"{longest:.3g} s; make the blocks shorter"
+        )
     run = _Run(model, regressor, chosen, recordings, tuning, options, factors, blocks, held_out, tell, nuisances)
     identification = run.result()
     return replace(identification, repairs=tuple(recording.repairs for recording in recordings), friction=friction)

@@ -218,6 +218,7 @@ def recording_inputs(
             raise _foreign_recording(f"{role} {k}", recording)
     if not sources:
         raise InputError("there is no recording")
+    _refuse_repetition(files, hashes)
     if not floating and any(source.floating for source in sources):
         raise InputError(
             "the recording has the motion of a floating base, which rrrgen identify takes; this study is for a base at "
@@ -236,6 +237,20 @@ def _foreign_recording(what: str, recording: Any) -> InputError:
 def _is_data_frame(data: Any) -> bool:
     """Whether ``data`` is a table of columns by name, as of pandas or polars, but no mapping."""
     return not isinstance(data, Mapping) and hasattr(data, "columns") and hasattr(data, "__getitem__")
+
+
+def _refuse_repetition(files: Mapping[str, Path], hashes: Mapping[str, str]) -> None:
+    """Raise InputError for a recording that is given twice: its noise would count as two independent observations.
+
+    ``files`` and ``hashes`` of arrays are those of the recordings by their role, such as ``log2``.
+    """
+    first: dict[str | Path, str] = {}
+    for name, what in [*((name, path.resolve()) for name, path in files.items() if "." not in name), *hashes.items()]:
+        if what in first:
+            here = files.get(name)
+            known = f"{here} is given" if here is not None else f"{first[what]} and {name} are one recording, given"
+            raise InputError(f"{known} twice: its noise would count as independent, and deviations come out too small")
+        first[what] = name
 
 
 def single_recording(recording: RecordingSource, *, skip_truncated_line: bool = False) -> RecordingInputs:

@@ -102,6 +102,15 @@ def test_what_the_motion_does_not_excite_is_named_and_does_no_harm():
         least_squares(factor_rows(rows_of(0 * W, rows.tau)), NAMES)
 
 
+def test_a_motion_whose_rank_rounding_decides_is_blamed_and_not_the_robot():
+    """Kahan's matrix, the trap of rank by columns: none of 60 is small, and the last singular value is below 1e-12."""
+    size, cosine = 60, 0.5
+    R = np.diag(np.sqrt(1 - cosine**2) ** np.arange(size)) @ (np.eye(size) - cosine * np.triu(np.ones((size, size)), 1))
+    rows = rows_of(R[None].swapaxes(0, 1) * np.ones((1, JOINTS, 1)), np.zeros((size, JOINTS)))
+    with pytest.raises(DerivationError, match="the recordings may be too short"):
+        unexcited_parameters(factor_rows(rows), [f"p{k}" for k in range(size)])
+
+
 def test_weak_directions_are_named():
     rng = np.random.default_rng(1)
     W = rng.normal(size=(300, 1, 3))

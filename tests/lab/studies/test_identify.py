@@ -186,6 +186,14 @@ def test_arrays_that_are_no_recording_are_refused(arrays, change, message):
         rrrgen.identify("planar2r", {**arrays, **change})
 
 
+def test_a_recording_that_is_given_twice_is_refused(arrays, tmp_path):
+    with pytest.raises(rrrgen.InputError, match="log1 and log2 are one recording, given twice"):
+        rrrgen.identify("planar2r", [arrays, dict(arrays)], **OPTIONS)
+    write_log(tmp_path / "log.csv", Log(joints=("q1", "q2"), **arrays))
+    with pytest.raises(rrrgen.InputError, match=r"log\.csv is given twice"):
+        rrrgen.identify("planar2r", [tmp_path / "log.csv", tmp_path / "." / "log.csv"], **OPTIONS)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -196,6 +204,8 @@ def test_arrays_that_are_no_recording_are_refused(arrays, change, message):
         ({"fix": "my2"}, "'my2' is not NAME=VALUE"),
         ({"fix": "my2=1e999"}, "'my2=1e999' is not NAME=VALUE"),
         ({"fix": ["fv1=3", "my2=0", "fv1=4"]}, "^fix gives fv1 two values, 3 and 4"),
+        ({"split": "blocks:100"}, "^no row is held out: between blocks of 100 s there is none in recordings of 9.99 s"),
+        ({"cutoff": 0.05}, "^no row is left: a filter with a cut-off of 0.05 Hz needs more than the 9.99 s"),
         ({"friction": ["stribeck", "dahl"]}, "^two friction laws at all joints, stribeck and dahl"),
         ({"method": "kalman", "cutoff": 3}, "cutoff belongs to method butterworth, not to kalman"),
     ],
