@@ -244,11 +244,11 @@ def _refuse_repetition(files: Mapping[str, Path], hashes: Mapping[str, str]) -> 
 
     ``files`` and ``hashes`` of arrays are those of the recordings by their role, such as ``log2``.
     """
+    given: list[tuple[str, str | Path]] = [(name, path.resolve()) for name, path in files.items() if "." not in name]
     first: dict[str | Path, str] = {}
-    for name, what in [*((name, path.resolve()) for name, path in files.items() if "." not in name), *hashes.items()]:
+    for name, what in [*given, *hashes.items()]:
         if what in first:
-            here = files.get(name)
-            known = f"{here} is given" if here is not None else f"{first[what]} and {name} are one recording, given"
+            known = f"{files[name]} is given" if name in files else f"{first[what]} and {name} are one recording, given"
             raise InputError(f"{known} twice: its noise would count as independent, and deviations come out too small")
         first[what] = name
 
