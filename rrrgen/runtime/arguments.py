@@ -51,6 +51,18 @@ def prepare(
     return batch, arrays
 
 
+def prepare_one(function: str, port: Port, value: Any, dtype: np.dtype[Any]) -> Array:
+    """Convert one ``value`` of a bound ``function`` to an array of ``dtype`` with exactly the shape of its ``port``.
+
+    Raises as :func:`prepare`, and ValueError for leading (batch) dimensions.
+    """
+    batch, (array,) = prepare(function, (port,), (value,), dtype)
+    if batch:
+        what = f"{function}: {port.name} of a bound function is that of one state"
+        raise ValueError(f"{what}, without the leading dimensions {batch}")
+    return array
+
+
 def _common(function: str, ports: Sequence[Port], batches: Sequence[Batch]) -> Batch:
     """Common leading dimensions of all arguments; raises ValueError if they cannot be broadcast.
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.program import Program, evaluate
-from rrrgen.runtime.arguments import prepare
+from rrrgen.runtime.arguments import prepare, prepare_one
 
 Array = NDArray[Any]
 
@@ -309,16 +309,22 @@ class BoundFunction:
         program: the function with its input and output ports.
         engine: evaluates it.
         parameters: values of input ports by name, copied into ``inputs``; the other inputs start at zero.
+
+    Raises:
+        TypeError: a parameter holds no real numbers.
+        ValueError: a parameter does not have the shape of its input.
     """
 
-    __slots__ = ("_failure", "_result", "inputs", "name", "outputs", "run")
+    __slots__ = ("_dtype", "_failure", "_function", "_places", "_ports", "_result", "inputs", "name", "outputs", "run")
 
-    def __init__(self, program: Program, engine: Engine, parameters: Mapping[str, Array]) -> None:
-        self.name = program.name
-        inputs = {
-            port.name: np.array(parameters.get(port.name, np.zeros(port.shape)), dtype=engine.dtype)
-            for port in program.inputs
-        }
+    def __init__(self, program: Program, engine: Engine, parameters: Mapping[str, Any]) -> None:
+        self.name, self._function, self._dtype = program.name, program.function, engine.dtype
+        inputs = {port.name: np.zeros(port.shape, dtype=engine.dtype) for port in program.inputs}
+        for port in program.inputs:
+            if port.name in parameters:  # C reads as many numbers as the input has, whatever the array holds
+                inputs[port.name][...] = prepare_one(program.function, port, parameters[port.name], engine.dtype)
+        self._ports = program.inputs
+        self._places = tuple((array, array.shape) for array in inputs.values())
         outputs = {port.name: np.zeros(port.shape, dtype=engine.dtype) for port in program.data_outputs}
         self.run: Callable[[], Any] = engine.bind(program.name, list(inputs.values()), list(outputs.values()))
         self._failure = program.status.message if program.status else ""
@@ -336,12 +342,24 @@ class BoundFunction:
     def __call__(self, *values: Any) -> Array:
         """Evaluate the function and return its first output array.
 
-        ``values``, if any, are first copied into the inputs, in their order. Raises numpy.linalg.LinAlgError if the
-        status is not 0.
+        ``values``, if any, are first copied into the inputs, in their order; inputs behind the last value keep theirs.
+        A value has the shape of its input. Raises TypeError for more values than inputs and for values that are no real
+        numbers, ValueError for wrong shapes, numpy.linalg.LinAlgError if the status is not 0.
         """
         if values:
-            for array, value in zip(self.inputs.values(), values, strict=False):
+            places, dtype = self._places, self._dtype
+            if len(values) > len(places):
+                raise self._surplus(values)
+            for k, value in enumerate(values):  # zip(.., strict=False) alone would take longer than the checks
+                array, shape = places[k]
+                if type(value) is not np.ndarray or value.dtype is not dtype or value.shape != shape:
+                    value = prepare_one(self._function, self._ports[k], value, dtype)
                 array[...] = value
         if self.run():
             raise np.linalg.LinAlgError(f"{self.name}: {self._failure}")
         return self._result
+
+    def _surplus(self, values: Sequence[Any]) -> TypeError:
+        """The error for more ``values`` than inputs."""
+        names = ", ".join(self.inputs)
+        return TypeError(f"{self._function} takes at most {len(self.inputs)} values ({names}), got {len(values)}")

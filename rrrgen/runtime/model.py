@@ -422,11 +422,15 @@ class Model(
             The bound function. Its parameters may be changed later where they are among its ``inputs``.
 
         Raises:
-            ValueError: there is no function of this name, or it does not take the parameters.
+            TypeError: the parameters are no real numbers.
+            ValueError: there is no function of this name, or it does not take the parameters, or they are not of one
+                state, with the shapes above.
         """
         model = self._with(name)
         chosen, parameters = model._choose_program(name, beta, Ia)
-        known = {"gravity": self.nominal_gravity, **{key: np.asarray(value) for key, value in parameters.items()}}
+        if not parameters and not (beta is None and Ia is None):
+            raise ValueError(f"{name} takes no base parameters, so beta= and Ia= have no meaning")
+        known: dict[str, Any] = {"gravity": self.nominal_gravity, **parameters}
         if self.spec.newton:
             known["loop_q"] = self._loop_engine("bind").followed().start
         return BoundFunction(model.derived.programs[chosen], model.engine, known)

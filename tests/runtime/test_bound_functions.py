@@ -1,0 +1,86 @@
+"""What a bound function takes: values and parameters as a plain call does, of one state; scalars, statuses and loops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rrrgen
+
+BACKENDS = ("c", "numpy")
+NAN = float("nan")
+
+
+@pytest.fixture(scope="module", params=BACKENDS)
+def arm(request):
+    return rrrgen.compile("planar2r", backend=request.param)
+
+
+Q = np.array([0.3, 0.4])
+
+
+# -- parameters ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [lambda beta: beta[:2], lambda beta: 7.0, lambda beta: np.ones(9), lambda beta: beta + 0j, lambda beta: beta > 0],
+    ids=["short", "scalar", "long", "complex", "boolean"],
+)
+def test_parameters_are_refused_as_by_a_plain_call(arm, spoil):
+    beta = spoil(arm.beta)
+    with pytest.raises((ValueError, TypeError)) as expected:
+        arm.inverse_dynamics(Q, Q, Q, beta)
+    with pytest.raises(type(expected.value)) as caught:
+        arm.bind("inverse_dynamics", beta=beta)
+    assert str(caught.value) == str(expected.value)
+
+
+def test_parameters_of_several_states_or_without_use_are_refused(arm):
+    with pytest.raises(ValueError, match=r"inverse_dynamics: beta of a bound function is that of one state.*\(3,\)"):
+        arm.bind("inverse_dynamics", beta=np.tile(arm.beta, (3, 1)))
+    with pytest.raises(ValueError, match="jacobian takes no base parameters"):
+        arm.bind("jacobian", beta=arm.beta)
+
+
+def test_parameters_may_be_lists_and_are_copied(arm):
+    given = 2.0 * arm.beta
+    f, g = arm.bind("inverse_dynamics", beta=given), arm.bind("inverse_dynamics", beta=given.tolist())
+    nominal = arm.inverse_dynamics(Q, Q, Q)
+    given[:] = NAN
+    np.testing.assert_allclose(f(Q, Q, Q), 2.0 * nominal, rtol=1e-13)  # torques are linear in the parameters
+    np.testing.assert_allclose(g(Q, Q, Q), 2.0 * nominal, rtol=1e-13)
+
+
+# -- values ----------------------------------------------------------------------------------------------------------
+
+
+def test_more_values_than_inputs_are_refused(arm):
+    with pytest.raises(TypeError, match=r"inverse_dynamics takes at most 3 values \(q, dq, ddq\), got 4"):
+        arm.bind("inverse_dynamics")(Q, Q, Q, 2.0 * arm.beta)
+
+
+@pytest.mark.parametrize(
+    ("value", "kind", "text"),
+    [
+        (0.3, ValueError, r"dq must have shape \(2,\).*got \(\)"),
+        (np.ones(1), ValueError, r"dq must have shape \(2,\).*got \(1,\)"),
+        (np.ones((2, 1)), ValueError, r"dq must have shape \(2,\).*got \(2, 1\)"),
+        (np.ones((1, 2)), ValueError, r"dq of a bound function is that of one state.*\(1,\)"),
+        (None, TypeError, "dq must hold real numbers"),
+        (["1", "2"], TypeError, "dq must hold real numbers"),
+        (Q + 0j, TypeError, "dq must hold real numbers"),
+        (np.ma.masked_array(Q, [True, False]), TypeError, "dq is a masked array"),
+    ],
+)
+def test_values_have_the_shape_and_kind_of_their_input(arm, value, kind, text):
+    f = arm.bind("inverse_dynamics")
+    with pytest.raises(kind, match=f"inverse_dynamics: {text}"):
+        f(Q, value)
+
+
+def test_lists_whole_numbers_and_strides_are_converted(arm):
+    f = arm.bind("inverse_dynamics")
+    wanted = arm.inverse_dynamics([1.0, 2.0], [3.0, 4.0], [5.0, 6.0])
+    np.testing.assert_array_equal(f([1, 2], np.array([[3.0, 0.0], [4.0, 0.0]])[:, 0], np.float32([5.0, 6.0])), wanted)
+    np.testing.assert_array_equal(f([1.0, 2.0]), wanted)  # the others keep their values
