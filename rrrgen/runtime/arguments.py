@@ -115,11 +115,11 @@ def check_status(program: Program, result: Any, status: Any, with_status: bool) 
     if with_status:
         return result, status
     if program.status is not None and np.any(status):
-        raise _failure(program.name, program.status, status)
+        raise status_error(program.name, program.status, status)
     return result
 
 
-def _failure(function: str, described: Status, status: Array) -> Exception:
+def status_error(function: str, described: Status, status: Array) -> Exception:
     """The error for the first state of ``status`` that is not 0."""
     count, first = np.count_nonzero(status), int(np.argmax(status != 0))
     place = f"; {count} of {status.size} states, the first at flat index {first}" if status.ndim else ""

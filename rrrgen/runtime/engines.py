@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.program import Program, evaluate
-from rrrgen.runtime.arguments import prepare, prepare_one
+from rrrgen.runtime.arguments import prepare, prepare_one, status_error
 
 Array = NDArray[Any]
 
@@ -125,7 +125,8 @@ class CompiledEngine:
         self._address, self._build_functions, self._build_loops = address, build_functions, build_loops
         self._functions: dict[str, Any] = {}
         self._loops: dict[str, Any] = {}
-        codes = _codes(programs.values())
+        self._programs, self._codes = programs, _codes(programs.values())
+        codes = list(self._codes.values())
         self._calls = {
             name: CompiledCall(program, address, self._function, self._loop, dtype, self._pointer, codes)
             for name, program in programs.items()
@@ -156,14 +157,32 @@ class CompiledEngine:
 
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
         """Bind the C function ``name`` to the memory of the arrays; returns a function without arguments."""
-        pointers = [self._address(self._pointer, array) for array in (*inputs, *outputs)]
-        return functools.partial(self._function(name), *pointers)
+        function, codes = self._function(name), list(self._codes.values())
+        arguments = [self._address(self._pointer, array) for array in (*inputs, *outputs)]
+        scalars = [(k, array.item) for k, array in enumerate(inputs) if not array.ndim]  # C takes them by value
+        renumbered = self._is_renumbered(name)
+        if not scalars and not renumbered:
+            return functools.partial(function, *arguments)
+
+        def call() -> int | None:
+            for k, read in scalars:
+                arguments[k] = read()
+            status = function(*arguments)
+            return codes[status] if renumbered else status
+
+        return call
+
+    def _is_renumbered(self, name: str) -> bool:
+        """Whether C numbers a failure of the program ``name`` by another number than its code."""
+        status = self._programs[name].status
+        names = () if status is None else tuple(failure.name for failure in status.failures)
+        return any(k != code for k, (failure, code) in enumerate(self._codes.items()) if failure in names)
 
 
-def _codes(programs: Iterable[Program]) -> list[int]:
-    """The code of the failure that each enumerator of the status in C stands for; these number all failures."""
+def _codes(programs: Iterable[Program]) -> dict[str, int]:
+    """The codes of all failures by name, after that of success, in the order in which the status in C numbers them."""
     failures = [failure for program in programs if program.status is not None for failure in program.status.failures]
-    return [0, *{failure.name: failure.code for failure in failures}.values()]
+    return {"": 0, **{failure.name: failure.code for failure in failures}}
 
 
 class CompiledCall:
@@ -302,8 +321,8 @@ class BoundFunction:
     """One function of a model with preallocated input and output arrays.
 
     Write the state into ``inputs`` (``f.inputs["q"][:] = q``), call ``f()``, and read the result, which is always the
-    same array. ``run`` is the bare call for the tightest loops; it returns the status (0 or 1) of a function that can
-    fail, else None.
+    same array. ``run`` is the bare call for the tightest loops; it returns the status of a function that can fail, which
+    is 0 or the code of the failure as in a plain call with ``with_status``, else None.
 
     Args:
         program: the function with its input and output ports.
@@ -315,7 +334,7 @@ class BoundFunction:
         ValueError: a parameter does not have the shape of its input.
     """
 
-    __slots__ = ("_dtype", "_failure", "_function", "_places", "_ports", "_result", "inputs", "name", "outputs", "run")
+    __slots__ = ("_dtype", "_function", "_places", "_ports", "_result", "_status", "inputs", "name", "outputs", "run")
 
     def __init__(self, program: Program, engine: Engine, parameters: Mapping[str, Any]) -> None:
         self.name, self._function, self._dtype = program.name, program.function, engine.dtype
@@ -327,7 +346,7 @@ class BoundFunction:
         self._places = tuple((array, array.shape) for array in inputs.values())
         outputs = {port.name: np.zeros(port.shape, dtype=engine.dtype) for port in program.data_outputs}
         self.run: Callable[[], Any] = engine.bind(program.name, list(inputs.values()), list(outputs.values()))
-        self._failure = program.status.message if program.status else ""
+        self._status = program.status
         self._result = next(iter(outputs.values()))
         self.inputs: Mapping[str, Array] = MappingProxyType(inputs)  # read-only: a replaced array would not be used
         self.outputs: Mapping[str, Array] = MappingProxyType(outputs)
@@ -344,7 +363,8 @@ class BoundFunction:
 
         ``values``, if any, are first copied into the inputs, in their order; inputs behind the last value keep theirs.
         A value has the shape of its input. Raises TypeError for more values than inputs and for values that are no real
-        numbers, ValueError for wrong shapes, numpy.linalg.LinAlgError if the status is not 0.
+        numbers, ValueError for wrong shapes, and the error of a plain call if the status is not 0: ValueError if it is 2,
+        else numpy.linalg.LinAlgError.
         """
         if values:
             places, dtype = self._places, self._dtype
@@ -355,8 +375,9 @@ class BoundFunction:
                 if type(value) is not np.ndarray or value.dtype is not dtype or value.shape != shape:
                     value = prepare_one(self._function, self._ports[k], value, dtype)
                 array[...] = value
-        if self.run():
-            raise np.linalg.LinAlgError(f"{self.name}: {self._failure}")
+        code = self.run()
+        if code and self._status:
+            raise status_error(self.name, self._status, np.asarray(code))
         return self._result
 
     def _surplus(self, values: Sequence[Any]) -> TypeError:

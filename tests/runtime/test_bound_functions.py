@@ -1,6 +1,8 @@
-"""What a bound function takes: values and parameters as a plain call does, of one state; scalars, statuses and loops."""
+"""Bound functions take values and parameters as plain calls do, of one state; scalars, statuses and loops."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -84,3 +86,52 @@ def test_lists_whole_numbers_and_strides_are_converted(arm):
     wanted = arm.inverse_dynamics([1.0, 2.0], [3.0, 4.0], [5.0, 6.0])
     np.testing.assert_array_equal(f([1, 2], np.array([[3.0, 0.0], [4.0, 0.0]])[:, 0], np.float32([5.0, 6.0])), wanted)
     np.testing.assert_array_equal(f([1.0, 2.0]), wanted)  # the others keep their values
+
+
+# -- scalars and statuses --------------------------------------------------------------------------------------------
+
+
+def test_scalars_are_read_at_each_call():
+    """The quintic passes the middle of its way at half its duration, at 15/8 of the mean speed."""
+    f = rrrgen.compile("rrr").bind("quintic")
+    start, end = np.array([0.1, -0.2, 0.3]), np.array([1.1, 0.8, -0.7])
+    zero = np.zeros(3)
+    for duration in (2.0, 4.0):
+        q = f(duration / 2, duration, start, zero, zero, end)
+        np.testing.assert_allclose(q, (start + end) / 2, atol=1e-14)
+        np.testing.assert_allclose(f.outputs["dq_d"], 15 / 8 * (end - start) / duration, atol=1e-14)
+    f.inputs["t"][...] = 4.0
+    np.testing.assert_allclose(f(), end, atol=1e-14)
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_scalars_in_front_of_other_inputs(real):
+    model = rrrgen.compile("rrr", real=real)
+    com, inertia = np.array([0.0, 0.1, 0.2]), np.diag([1e-2, 2e-2, 3e-2])
+    f = model.bind("add_payload", beta=model.beta)
+    wanted = rrrgen.compile("rrr", backend="numpy").add_payload(1.5, com, inertia)
+    np.testing.assert_allclose(f(1.5, com, inertia), wanted, rtol=1e-13 if real == "double" else 1e-6)
+
+
+def test_functions_without_scalars_and_with_plain_codes_are_called_directly():
+    """No line of Python stands between ``run`` and C."""
+    model = rrrgen.compile("planar2r")
+    for name in ("inverse_dynamics", "forward_dynamics"):
+        assert not hasattr(model.bind(name).run, "__code__")
+
+
+LINKAGES = Path(__file__).resolve().parents[2] / "examples/linkages"
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_status_is_the_documented_code_and_the_error_names_its_failure(backend):
+    model = rrrgen.compile(LINKAGES / "five_bar.yaml", backend=backend)
+    g = model.bind("closed_loops")
+    g.inputs["q"][:] = 0.0
+    *_, status = model.closed_loops(np.zeros(2), with_status=True)
+    assert g.run() == 2 == status
+    with pytest.raises(ValueError, match="cannot be assembled") as plain:
+        model.closed_loops(np.zeros(2))
+    with pytest.raises(type(plain.value)) as bound:
+        g()
+    assert str(bound.value) == str(plain.value)
