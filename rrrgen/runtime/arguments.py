@@ -63,6 +63,12 @@ def prepare_one(function: str, port: Port, value: Any, dtype: np.dtype[Any]) -> 
     return array
 
 
+def checked_positions(function: str, q: Any, n: int) -> Array:
+    """Joint positions ``q`` (..., n) of a call of ``function`` as float64. Raises as :func:`prepare`."""
+    port = Port("q", (n,), "rad | m", meaning="joint positions")
+    return prepare(function, (port,), (q,), np.dtype(np.float64))[1][0]
+
+
 def _common(function: str, ports: Sequence[Port], batches: Sequence[Batch]) -> Batch:
     """Common leading dimensions of all arguments; raises ValueError if they cannot be broadcast.
 

@@ -321,8 +321,8 @@ class BoundFunction:
     """One function of a model with preallocated input and output arrays.
 
     Write the state into ``inputs`` (``f.inputs["q"][:] = q``), call ``f()``, and read the result, which is always the
-    same array. ``run`` is the bare call for the tightest loops; it returns the status of a function that can fail, which
-    is 0 or the code of the failure as in a plain call with ``with_status``, else None.
+    same array. ``run`` is the bare call for the tightest loops; it returns the status of a function that can fail, 0 or
+    the code of the failure as in a plain call with ``with_status``, else None.
 
     Args:
         program: the function with its input and output ports.
@@ -363,8 +363,8 @@ class BoundFunction:
 
         ``values``, if any, are first copied into the inputs, in their order; inputs behind the last value keep theirs.
         A value has the shape of its input. Raises TypeError for more values than inputs and for values that are no real
-        numbers, ValueError for wrong shapes, and the error of a plain call if the status is not 0: ValueError if it is 2,
-        else numpy.linalg.LinAlgError.
+        numbers, ValueError for wrong shapes. If the status is not 0 it raises the error of a plain call: ValueError for
+        a refused input, else numpy.linalg.LinAlgError.
         """
         if values:
             places, dtype = self._places, self._dtype

@@ -15,6 +15,7 @@ import numpy as np
 from rrrgen.derive.recursions.loop_positions import LoopClosure, Numbers, parts_of
 from rrrgen.program import Program, Role
 from rrrgen.robot.model import build_model
+from rrrgen.runtime.arguments import checked_positions
 from rrrgen.runtime.engines import Array, Engine, EngineName
 
 if TYPE_CHECKING:
@@ -113,8 +114,11 @@ class LoopEngine:
         roles = [port.role for port in inputs]
         if Role.LOOPS in roles and len(values) == len(inputs) - 1:
             place = roles.index(Role.LOOPS)
-            q = values[roles.index(Role.POSITION)]
-            loop_q = self.followed().at(q) if self.loop_q is None else self.loop_q
+            loop_q = self.loop_q
+            if loop_q is None:
+                position = roles.index(Role.POSITION)
+                (n,) = inputs[position].shape
+                loop_q = self.followed().at(checked_positions(self._programs[name].function, values[position], n))
             values = (*values[:place], np.asarray(loop_q, dtype=self.dtype), *values[place:])
         return self._engine.call(name, values)
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rrrgen.runtime.arguments import read_only
+from rrrgen.runtime.arguments import checked_positions, read_only
 from rrrgen.runtime.display import Drawings, html_summary
 from rrrgen.runtime.engines import BoundFunction, Engine
 from rrrgen.runtime.functions.calls import Array
@@ -161,9 +161,11 @@ class Model(
             Positions (..., p), rad or m, in the order of :attr:`loop_joint_names`.
 
         Raises:
-            ValueError: no loop of the robot file has ``solve: newton``.
+            TypeError: ``q`` holds no real numbers.
+            ValueError: no loop of the robot file has ``solve: newton``, or a wrong shape.
         """
-        return self._loop_engine("loop_positions").followed().at(q)
+        engine = self._loop_engine("loop_positions")
+        return engine.followed().at(checked_positions("loop_positions", q, self.n))
 
     @property
     def loop_joint_names(self) -> tuple[str, ...]:
@@ -180,11 +182,8 @@ class Model(
 
     def _at_loops(self, engine: LoopEngine) -> Model:
         """The same model with ``engine``, whose passive joints further compiled functions take too."""
-
-        def compile_at_loops(*args: Any, **options: Any) -> Model:
-            return self._compiler()(*args, **options).at_loops(engine.loop_q)
-
-        return Model(self.derived, engine, self._closed_form, compile_at_loops)
+        compiled = self._compiled and partial(_compile_at_loops, self._compiled, engine.loop_q)
+        return Model(self.derived, engine, self._closed_form, compiled)
 
     # -- inverse kinematics --------------------------------------------------------------------------------------
 
@@ -419,7 +418,9 @@ class Model(
                 robot file.
 
         Returns:
-            The bound function. Its parameters may be changed later where they are among its ``inputs``.
+            The bound function. Its parameters may be changed later where they are among its ``inputs``. So may the
+            passive joints of loops that Newton's method solves, ``f.inputs["loop_q"]``, (p,), rad or m: they do not
+            follow q. At first they are those of :meth:`at_loops`, without it those at the start of the robot file.
 
         Raises:
             TypeError: the parameters are no real numbers.
@@ -432,7 +433,8 @@ class Model(
             raise ValueError(f"{name} takes no base parameters, so beta= and Ia= have no meaning")
         known: dict[str, Any] = {"gravity": self.nominal_gravity, **parameters}
         if self.spec.newton:
-            known["loop_q"] = self._loop_engine("bind").followed().start
+            engine = self._loop_engine("bind")
+            known["loop_q"] = engine.followed().start if engine.loop_q is None else engine.loop_q
         return BoundFunction(model.derived.programs[chosen], model.engine, known)
 
     def controller(
@@ -470,6 +472,11 @@ class Model(
             raise BuildError("controller runs compiled C, and this model was made with backend='numpy'")
         real: Real = "double" if self.engine.dtype == np.float64 else "float"
         return compiled_controller(self.spec, real, mode, modes, parts, parameters)
+
+
+def _compile_at_loops(compiled: Callable[..., Model], loop_q: Array, *args: Any, **options: Any) -> Model:
+    """A model that ``compiled`` makes, with the passive joints at ``loop_q``; it is no closure, so that it is pickled."""
+    return compiled(*args, **options).at_loops(loop_q)
 
 
 def _solve(solver: InverseKinematics, target: ArrayLike, q_ref: ArrayLike | None, **options: Any) -> IKResult | IKBatch:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -135,3 +136,50 @@ def test_the_status_is_the_documented_code_and_the_error_names_its_failure(backe
     with pytest.raises(type(plain.value)) as bound:
         g()
     assert str(bound.value) == str(plain.value)
+
+
+# -- loops that Newton's method solves -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module", params=BACKENDS)
+def six_bar(request):
+    return rrrgen.compile(LINKAGES / "six_bar.yaml", backend=request.param)
+
+
+def test_a_bound_function_has_the_passive_joints_of_its_model(six_bar):
+    state = [0.2], [1.0], [0.0]
+    at = six_bar.at_loops(six_bar.loop_positions([0.2]))
+    wanted = six_bar.inverse_dynamics(*state)
+    bound = at.bind("inverse_dynamics")
+    np.testing.assert_allclose(bound(*state), wanted, rtol=1e-12)
+    free = six_bar.bind("inverse_dynamics")
+    assert abs(free(*state)[0] - wanted[0]) > 0.1, "it stays at the start of the file"
+    free.inputs["loop_q"][:] = at.bind("jacobian").inputs["loop_q"]
+    np.testing.assert_allclose(free(*state), wanted, rtol=1e-12)
+
+
+def test_passive_joints_of_several_states_or_of_another_number_are_refused(six_bar):
+    one = six_bar.loop_positions([0.2])
+    with pytest.raises(ValueError, match=r"loop_q of a bound function is that of one state"):
+        six_bar.at_loops(np.stack([one, one])).bind("inverse_dynamics")
+    with pytest.raises(ValueError, match=r"loop_q must have shape"):
+        six_bar.at_loops(one[:2]).bind("inverse_dynamics")
+
+
+def test_a_model_at_positions_of_loops_is_pickled(six_bar):
+    at = six_bar.at_loops(six_bar.loop_positions([0.2]))
+    copied = pickle.loads(pickle.dumps(at))
+    np.testing.assert_array_equal(
+        copied.inverse_dynamics([0.2], [1.0], [0.0]), at.inverse_dynamics([0.2], [1.0], [0.0])
+    )
+    np.testing.assert_array_equal(
+        copied.inverse_dynamics([0.1], [1.0], [0.0]), at.inverse_dynamics([0.1], [1.0], [0.0])
+    )
+
+
+@pytest.mark.parametrize("q", [[1.0, 2.0], [[1.0, 2.0]], 1.0], ids=["two", "batch", "scalar"])
+def test_a_wrong_shape_of_q_is_said_before_loops_are_followed(six_bar, q):
+    with pytest.raises(ValueError, match=r"inverse_dynamics: q must have shape \(1,\) or \(\.\.\., 1\), got"):
+        six_bar.inverse_dynamics(q, [1.0], [0.0])
+    with pytest.raises(ValueError, match=r"loop_positions: q must have shape \(1,\) or \(\.\.\., 1\), got"):
+        six_bar.loop_positions(q)
