@@ -16,7 +16,14 @@ from typing import Any
 
 from rrrgen.base.cache import cache_directory, digest, keep_library, prune, recall_library
 from rrrgen.base.errors import BuildError, StorageError, storage_error
-from rrrgen.emit.c.compilers import Compiler, find_compiler, include_directory, processor
+from rrrgen.emit.c.compilers import (
+    Compiler,
+    find_compiler,
+    include_directory,
+    no_compiler,
+    processor,
+    read_library,
+)
 
 _loaded: dict[str, tuple[Any, Any]] = {}
 _building = threading.Lock()
@@ -69,7 +76,7 @@ def _build(module: str, sources: Mapping[str, str], cdef: str, compiler: Compile
         _run([compiler.compile(unit, [*flags, *special], include) for unit, special in units.items()], directory)
         library = f"library{EXTENSION_SUFFIXES[-1]}"
         _run([compiler.link(list(units), library)], directory)
-        return (directory / library).read_bytes()
+        return read_library(directory / library, compiler.command[0])
 
 
 def _write_wrapper(file: Path, module: str, sources: Mapping[str, str], cdef: str) -> None:
@@ -85,18 +92,21 @@ def _write_wrapper(file: Path, module: str, sources: Mapping[str, str], cdef: st
 def _run(commands: list[list[str]], directory: Path) -> None:
     """Run compiler commands in parallel. Raises BuildError with the compiler's message for the first that fails."""
     environment = {**os.environ, "LC_ALL": "C"}
-    running = [
-        subprocess.Popen(  # Microsoft's compiler complains on stdout
-            command,
-            cwd=directory,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-        )
-        for command in commands
-    ]
+    try:
+        running = [
+            subprocess.Popen(  # Microsoft's compiler complains on stdout
+                command,
+                cwd=directory,
+                env=environment,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                errors="replace",
+            )
+            for command in commands
+        ]
+    except OSError as error:
+        raise no_compiler(commands[0][0], f"does not run ({error.strerror})") from error
     complaints = [process.communicate()[0] for process in running]
     for process, complaint, command in zip(running, complaints, commands, strict=True):
         if process.returncode:

@@ -475,7 +475,7 @@ class Model(
 
 
 def _compile_at_loops(compiled: Callable[..., Model], loop_q: Array, *args: Any, **options: Any) -> Model:
-    """A model that ``compiled`` makes, with the passive joints at ``loop_q``; it is no closure, so that it is pickled."""
+    """A model that ``compiled`` makes, with the passive joints at ``loop_q``. No closure: those are not pickled."""
     return compiled(*args, **options).at_loops(loop_q)
 
 

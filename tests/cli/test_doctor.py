@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 from click.testing import CliRunner
@@ -43,6 +44,25 @@ def test_a_compiler_that_fails_is_not_ok(monkeypatch, capsys):
     code, found = findings(capsys)
     assert code == 5
     assert "refused" in found["C compiler"]["found"]
+
+
+@pytest.mark.parametrize(
+    ("variable", "text", "reason"),
+    [
+        ("RRRGEN_CFLAGS", "-DX='a", "RRRGEN_CFLAGS"),
+        ("CC", "gcc '", "CC"),
+        ("CC", "true", "wrote no library.*CC"),
+        ("CC", "{folder}/empty", "does not run.*CC"),
+    ],
+)
+def test_variables_that_name_no_compiler_are_named(monkeypatch, capsys, tmp_path, variable, text, reason):
+    monkeypatch.setenv("RRRGEN_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "empty").write_bytes(b"\0")
+    (tmp_path / "empty").chmod(0o755)
+    monkeypatch.setenv(variable, text.format(folder=tmp_path))
+    code, found = findings(capsys)
+    assert code == 5
+    assert re.search(reason, found["C compiler"]["found"])
 
 
 def test_a_missing_extra_is_named_with_the_line_to_type(monkeypatch, capsys):

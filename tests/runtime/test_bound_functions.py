@@ -169,12 +169,9 @@ def test_passive_joints_of_several_states_or_of_another_number_are_refused(six_b
 def test_a_model_at_positions_of_loops_is_pickled(six_bar):
     at = six_bar.at_loops(six_bar.loop_positions([0.2]))
     copied = pickle.loads(pickle.dumps(at))
-    np.testing.assert_array_equal(
-        copied.inverse_dynamics([0.2], [1.0], [0.0]), at.inverse_dynamics([0.2], [1.0], [0.0])
-    )
-    np.testing.assert_array_equal(
-        copied.inverse_dynamics([0.1], [1.0], [0.0]), at.inverse_dynamics([0.1], [1.0], [0.0])
-    )
+    for q in ([0.2], [0.1]):
+        state = q, [1.0], [0.0]
+        np.testing.assert_array_equal(copied.inverse_dynamics(*state), at.inverse_dynamics(*state))
 
 
 @pytest.mark.parametrize("q", [[1.0, 2.0], [[1.0, 2.0]], 1.0], ids=["two", "batch", "scalar"])

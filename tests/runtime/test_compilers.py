@@ -13,7 +13,7 @@ import pytest
 import rrrgen
 from rrrgen.base.errors import BuildError
 from rrrgen.emit.c import compilers as compiler
-from rrrgen.emit.c.compilers import NATIVE, Compiler, find_compiler
+from rrrgen.emit.c.compilers import NATIVE, Compiler, environment_words, find_compiler
 
 CLANG = shutil.which("clang")
 CL = r"C:\Program Files\Microsoft Visual Studio\VC\bin\cl.exe"
@@ -61,7 +61,13 @@ def test_no_level_of_optimization_changes_a_bit(monkeypatch):
         model = rrrgen.compile("planar2r")
         bound = [model.bind(name) for name in ("inverse_dynamics", "forward_dynamics", "mass_matrix", "regressor")]
         rows = model.ik.solve_batch(model.forward_kinematics(states[0, 0]), limits=False)
-        found.append([rows.q, rows.flags, *(f(*state).copy() for f in bound for state in zip(*states, strict=True))])
+        found.append(
+            [
+                rows.q,
+                rows.flags,
+                *(f(*state[: len(f.inputs)]).copy() for f in bound for state in zip(*states, strict=True)),
+            ]
+        )
     assert all(np.array_equal(each, found[0][k], equal_nan=True) for one in found for k, each in enumerate(one))
 
 
@@ -168,3 +174,14 @@ def test_a_model_is_built_with_the_options_of_cl(monkeypatch, tmp_path):
     model = rrrgen.compile("pendulum")
     for found, wanted in zip((model.inverse_dynamics(*states), model.forward_dynamics(*states)), expected, strict=True):
         np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("variable", "text"), [("RRRGEN_CFLAGS", "-DX='a"), ("CC", "gcc '"), ("CC", '"gcc'), ("LDFLAGS", "-L'x")]
+)
+def test_a_variable_with_an_open_quotation_is_named(monkeypatch, variable, text):
+    monkeypatch.setenv(variable, text)
+    with pytest.raises(BuildError, match=f"^{variable}.*: no closing quotation") as caught:
+        environment_words(variable)
+    assert text in str(caught.value)
+    assert caught.value.exit_code == 5

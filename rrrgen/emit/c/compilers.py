@@ -110,7 +110,16 @@ class Compiler:
 
 def further_flags() -> list[str]:
     """The flags in ``$RRRGEN_CFLAGS``, which follow :data:`FLAGS`: ``-O1`` builds faster what runs a little slower."""
-    return shlex.split(os.environ.get("RRRGEN_CFLAGS", ""), posix=sys.platform != "win32")
+    return environment_words("RRRGEN_CFLAGS")
+
+
+def environment_words(variable: str) -> list[str]:
+    """The words of an environment ``variable``, as a shell splits it. Raises BuildError for an open quotation."""
+    text = os.environ.get(variable, "")
+    try:
+        return shlex.split(text, posix=sys.platform != "win32")
+    except ValueError as error:
+        raise BuildError(f"{variable} ({text}) cannot be split into words: {str(error).lower()}") from None
 
 
 def _flag(flag: str) -> str:
@@ -165,7 +174,20 @@ def find_compiler() -> Compiler:
 def _split_cc() -> list[str]:
     """Split ``$CC`` into words; if the whole is the path of a file, even with blanks or backslashes, it is one word."""
     text = os.environ.get("CC", "").strip()
-    return [text] if text and Path(text).is_file() else shlex.split(text, posix=sys.platform != "win32")
+    return [text] if text and Path(text).is_file() else environment_words("CC")
+
+
+def no_compiler(program: str, reason: str) -> BuildError:
+    """The error for a ``program`` that was taken for a C compiler, but is none; the ``reason`` is a predicate."""
+    return BuildError(f"{program} {reason}: it is no C compiler. The environment variable CC names the one to use")
+
+
+def read_library(library: Path, program: str) -> bytes:
+    """The bytes of a ``library`` that the compiler ``program`` has just written. Raises BuildError if there is none."""
+    try:
+        return library.read_bytes()
+    except FileNotFoundError:
+        raise no_compiler(program, "reported success, but wrote no library") from None
 
 
 def include_directory() -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import os
 import re
-import shlex
 import subprocess
 import sys
 import sysconfig
@@ -18,7 +17,7 @@ from pathlib import Path
 from rrrgen.base.errors import BuildError, InputError, require
 from rrrgen.base.files import Contents, as_bytes
 from rrrgen.base.yamltext.suggestions import did_you_mean
-from rrrgen.emit.c.compilers import FLAGS, ZIG, find_compiler, further_flags
+from rrrgen.emit.c.compilers import FLAGS, ZIG, environment_words, find_compiler, further_flags, read_library
 
 # ------------------------------------------------------------------------------------------------------------------
 # Reproducible ZIP archives: the bytes depend only on the contents, not on the time of writing.
@@ -101,8 +100,9 @@ def shared_library(files: Mapping[str, str], platform: Platform) -> bytes:
         folder = Path(name)
         for file, text in files.items():
             (folder / file).write_text(text, encoding="utf-8", newline="\n")
+        command = _command(platform)
         done = subprocess.run(
-            [*_command(platform), *sources, "-o", "library", *_libraries(platform)],
+            [*command, *sources, "-o", "library", *_libraries(platform)],
             cwd=folder,
             capture_output=True,
             text=True,
@@ -113,7 +113,7 @@ def shared_library(files: Mapping[str, str], platform: Platform) -> bytes:
         if done.returncode:
             words = "\n".join(done.stderr.splitlines()[:20])
             raise BuildError(f"the C compiler refused emitted code (exit {done.returncode}):\n{words}")
-        return (folder / "library").read_bytes()
+        return read_library(folder / "library", command[0])
 
 
 def _command(platform: Platform) -> list[str]:
@@ -134,4 +134,4 @@ def _command(platform: Platform) -> list[str]:
 def _libraries(platform: Platform) -> list[str]:
     """Linker arguments: libraries to link with, and the user's own linker options."""
     libraries = [] if platform.suffix == ".dll" else ["-lm"]
-    return libraries + shlex.split(os.environ.get("LDFLAGS", "")) * (not platform.zig)
+    return libraries + environment_words("LDFLAGS") * (not platform.zig)
