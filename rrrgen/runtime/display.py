@@ -178,7 +178,8 @@ class Drawings(TableFunctions):
         """Draw the arm with matplotlib: ``m.plot(m.inverse_kinematics(T).q)`` shows all solutions in one picture.
 
         Args:
-            q: joint positions, (n,), or several configurations, (k, n), rad or m.
+            q: joint positions, (n,), or several configurations, (k, n), rad or m. Rows of NaN, which stand behind the
+                solutions of an :class:`IKBatch`, are left out.
             ax: axes with ``projection="3d"`` to draw on; by default those of a new figure.
             frames: draw the axes of all link frames and of the tip: x red, y green, z blue.
 
@@ -187,9 +188,9 @@ class Drawings(TableFunctions):
 
         Raises:
             MissingExtraError: matplotlib is not installed.
-            ValueError: ``q`` has another shape.
+            ValueError: ``q`` has another shape, or there are no finite positions, as without a solution.
         """
-        every = self._configurations(q)
+        every = self._configurations(q, padded=True)
         links, tip = self.link_frames(every), self.forward_kinematics(every)
         triads = np.concatenate([links, tip[:, None]], axis=1) if frames else links[:, :0]
         return plot_arm(corners(self.spec, links, tip), triads, ax, self.spec.name)
@@ -207,7 +208,8 @@ class Drawings(TableFunctions):
 
         Raises:
             MissingExtraError: matplotlib is not installed.
-            ValueError: ``t`` does not increase, or ``q`` does not have one row for each point in time.
+            ValueError: ``t`` does not increase, or ``q`` does not have one row for each point in time,
+                all finite.
         """
         times, every = np.asarray(t, dtype=float), self._configurations(q)
         if times.shape != (len(every),) or len(every) < 2 or not np.all(np.diff(times) > 0.0):
@@ -215,8 +217,15 @@ class Drawings(TableFunctions):
         path = corners(self.spec, self.link_frames(every), self.forward_kinematics(every))
         return animate_arm(path, times, ax, self.spec.name)
 
-    def _configurations(self, q: ArrayLike) -> Any:
+    def _configurations(self, q: ArrayLike, padded: bool = False) -> Any:
+        """``q`` as (k, n), all finite, where it may be ``padded`` by rows of NaN without these."""
         every = np.atleast_2d(np.asarray(q, dtype=float))
         if every.ndim != 2 or every.shape[1] != self.n:
             raise ValueError(f"q must be of shape ({self.n},) or (k, {self.n}), not {np.shape(q)}")
-        return every
+        finite = np.isfinite(every).all(axis=1)
+        if not finite.any():
+            raise ValueError("q holds no finite joint positions to plot")
+        drawn = every[~np.isnan(every).all(axis=1)] if padded else every
+        if not np.isfinite(drawn).all():
+            raise ValueError(f"q must be finite to be plotted; row {int(np.argmin(finite))} is not")
+        return drawn

@@ -83,9 +83,11 @@ class Model(
 
     @threads.setter
     def threads(self, count: int) -> None:
+        if isinstance(count, bool) or not isinstance(count, (int, np.integer)):
+            raise TypeError(f"threads must be a whole number, at least 1, not {count!r}")
         if count < 1:
             raise ValueError(f"threads must be at least 1, not {count}")
-        self.engine.threads = count
+        self.engine.threads = int(count)
 
     @property
     def name(self) -> str:

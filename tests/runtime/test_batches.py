@@ -107,6 +107,12 @@ def test_threads_share_a_batch_without_changing_it():
     assert np.max(np.abs(shared - alone)) <= ROUND_OFF * np.max(np.abs(alone))
     with pytest.raises(ValueError, match="at least 1"):
         model.threads = 0
+    for count in (2.5, 2.0, "2", None, True):
+        with pytest.raises(TypeError, match="threads must be a whole number, at least 1, not"):
+            model.threads = count
+    model.threads = np.int64(2)
+    assert model.threads == 2
+    model.threads = 1
 
 
 def test_a_state_gives_the_same_numbers_anywhere_in_a_batch():

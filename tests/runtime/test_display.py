@@ -39,3 +39,21 @@ def test_pictures_and_their_errors() -> None:
         m.plot([1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match="increasing"):
         m.animate(t[::-1], np.outer(t, [1.0, 2.0]))
+
+
+def test_pictures_without_positions_say_so() -> None:
+    """Out of reach ``q`` is empty; in a batch NaN stands behind the solutions of a target."""
+    pytest.importorskip("matplotlib").use("Agg")
+    m = rrrgen.compile("planar2r", backend="numpy")
+    target = m.forward_kinematics([0.3, 0.4])[:3, 3]
+    none, batch = m.inverse_kinematics(100.0 * target), m.inverse_kinematics([target, 100.0 * target])
+    for q in (none.q, batch.q[1], [np.inf, 0.0]):
+        with pytest.raises(ValueError, match="no finite joint positions to plot"):
+            m.plot(q)
+    assert len(m.plot(batch.q[0], frames=False).lines) == batch.counts[0] == 2
+    padded = np.vstack([batch.q[0], np.full(2, np.nan)])
+    assert len(m.plot(padded, frames=False).lines) == 2
+    with pytest.raises(ValueError, match="must be finite to be plotted; row 1 is not"):
+        m.plot([[0.1, 0.2], [np.nan, 0.2]])
+    with pytest.raises(ValueError, match="must be finite to be plotted; row 1 is not"):
+        m.animate([0.0, 1.0], [[0.1, 0.2], [np.nan, np.nan]])
