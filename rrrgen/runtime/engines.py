@@ -164,7 +164,7 @@ class CompiledEngine:
         if not scalars and not renumbered:
             return functools.partial(function, *arguments)
 
-        def call() -> int | None:
+        def call() -> Any:
             for k, read in scalars:
                 arguments[k] = read()
             status = function(*arguments)

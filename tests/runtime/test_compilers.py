@@ -61,13 +61,8 @@ def test_no_level_of_optimization_changes_a_bit(monkeypatch):
         model = rrrgen.compile("planar2r")
         bound = [model.bind(name) for name in ("inverse_dynamics", "forward_dynamics", "mass_matrix", "regressor")]
         rows = model.ik.solve_batch(model.forward_kinematics(states[0, 0]), limits=False)
-        found.append(
-            [
-                rows.q,
-                rows.flags,
-                *(f(*state[: len(f.inputs)]).copy() for f in bound for state in zip(*states, strict=True)),
-            ]
-        )
+        results = [f(*state[: len(f.inputs)]).copy() for f in bound for state in zip(*states, strict=True)]
+        found.append([rows.q, rows.flags, *results])
     assert all(np.array_equal(each, found[0][k], equal_nan=True) for one in found for k, each in enumerate(one))
 
 
