@@ -63,7 +63,7 @@ def prepare_one(function: str, port: Port, value: Any, dtype: np.dtype[Any]) -> 
     return array
 
 
-def checked_positions(function: str, q: Any, n: int) -> Array:
+def check_positions(function: str, q: Any, n: int) -> Array:
     """Joint positions ``q`` (..., n) of a call of ``function`` as float64. Raises as :func:`prepare`."""
     port = Port("q", (n,), "rad | m", meaning="joint positions")
     return prepare(function, (port,), (q,), np.dtype(np.float64))[1][0]

@@ -367,20 +367,26 @@ class BoundFunction:
         a refused input, else numpy.linalg.LinAlgError.
         """
         if values:
-            places, dtype = self._places, self._dtype
+            places, dtype, dense = self._places, self._dtype, np.ndarray
             if len(values) > len(places):
-                raise self._surplus(values)
-            for k, value in enumerate(values):  # zip(.., strict=False) alone would take longer than the checks
+                raise self._surplus_error(values)
+            k = 0
+            for value in values:  # zip(.., strict=False) or enumerate would take longer than the checks
                 array, shape = places[k]
-                if type(value) is not np.ndarray or value.dtype is not dtype or value.shape != shape:
+                if type(value) is not dense or value.dtype is not dtype or value.shape != shape:
                     value = prepare_one(self._function, self._ports[k], value, dtype)
                 array[...] = value
-        code = self.run()
-        if code and self._status:
-            raise status_error(self.name, self._status, np.asarray(code))
+                k += 1  # noqa: SIM113 - slower, see above
+        if self.run():
+            raise self._status_error()
         return self._result
 
-    def _surplus(self, values: Sequence[Any]) -> TypeError:
+    def _status_error(self) -> Exception:
+        """The error of a plain call for these inputs, evaluated again, since calls that succeed keep no status."""
+        assert self._status is not None
+        return status_error(self.name, self._status, np.asarray(self.run()))
+
+    def _surplus_error(self, values: Sequence[Any]) -> TypeError:
         """The error for more ``values`` than inputs."""
         names = ", ".join(self.inputs)
         return TypeError(f"{self._function} takes at most {len(self.inputs)} values ({names}), got {len(values)}")

@@ -15,7 +15,7 @@ import numpy as np
 from rrrgen.derive.recursions.loop_positions import LoopClosure, Numbers, parts_of
 from rrrgen.program import Program, Role
 from rrrgen.robot.model import build_model
-from rrrgen.runtime.arguments import checked_positions
+from rrrgen.runtime.arguments import check_positions
 from rrrgen.runtime.engines import Array, Engine, EngineName
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ class LoopEngine:
             if loop_q is None:
                 position = roles.index(Role.POSITION)
                 (n,) = inputs[position].shape
-                loop_q = self.followed().at(checked_positions(self._programs[name].function, values[position], n))
+                loop_q = self.followed().at(check_positions(self._programs[name].function, values[position], n))
             values = (*values[:place], np.asarray(loop_q, dtype=self.dtype), *values[place:])
         return self._engine.call(name, values)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rrrgen.runtime.arguments import checked_positions, read_only
+from rrrgen.runtime.arguments import check_positions, read_only
 from rrrgen.runtime.display import Drawings, html_summary
 from rrrgen.runtime.engines import BoundFunction, Engine
 from rrrgen.runtime.functions.calls import Array
@@ -167,7 +167,7 @@ class Model(
             ValueError: no loop of the robot file has ``solve: newton``, or a wrong shape.
         """
         engine = self._loop_engine("loop_positions")
-        return engine.followed().at(checked_positions("loop_positions", q, self.n))
+        return engine.followed().at(check_positions("loop_positions", q, self.n))
 
     @property
     def loop_joint_names(self) -> tuple[str, ...]:
