@@ -221,10 +221,17 @@ def _start(position: float, lower: float | None, upper: float | None, direction:
     """Position, rad or m, from which the joint starts a run of constant mean speed that covers the distance ``travel``.
 
     It is the stated ``position`` if the whole run then stays between ``lower`` and ``upper``; otherwise the run is
-    centred in that range. ``direction`` is +1 or -1.
+    centred in that range, or moved away from the only limit. ``direction`` is +1 or -1.
     """
+    low, high = -math.inf if lower is None else lower, math.inf if upper is None else upper
     end = position + direction * travel
-    inside = (lower is None or min(position, end) >= lower) and (upper is None or max(position, end) <= upper)
-    if inside or lower is None or upper is None:
+    if low <= min(position, end) and max(position, end) <= high:
         return position
-    return 0.5 * (lower + upper) - 0.5 * direction * travel
+    reserve = 0.5 * (1.0 / RANGE_SHARE - 1.0) * travel
+    if math.isinf(low):
+        centre = high - reserve - 0.5 * travel
+    elif math.isinf(high):
+        centre = low + reserve + 0.5 * travel
+    else:
+        centre = 0.5 * (low + high)
+    return centre - 0.5 * direction * travel

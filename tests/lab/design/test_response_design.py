@@ -11,6 +11,16 @@ from rrrgen.base.errors import InputError
 from rrrgen.lab.design.plan import ResponsePlan
 from rrrgen.lab.design.response_design import design_response
 
+TWO = """schema: rrrgen/1
+name: elbow
+convention: standard
+units: {{angle: rad, length: m}}
+gravity: [0, 0, -9.81]
+joints:
+  - {{name: turn, type: revolute, alpha: 0, a: 0.3, d: 0, theta: 0, limits: {first}}}
+  - {{name: bend, type: revolute, alpha: 0, a: 0.2, d: 0, theta: 0, limits: {second}}}
+"""
+
 
 def test_the_joint_never_turns_and_quantisation_never_repeats():
     design = design_response(rrr(), ResponsePlan("table"), RATE)
@@ -46,13 +56,22 @@ def test_strokes_stay_in_the_range_and_hold_whole_periods():
         assert np.allclose(design.runs[0].n, design.runs[1].n) == (signal == "multisine")
 
 
+@pytest.mark.parametrize(("lower", "upper"), [(None, 0.5), (-0.5, None), (0.3, None), (None, -0.3)])
+def test_a_joint_with_one_limit_moves_on_its_free_side(lower: float | None, upper: float | None):
+    """A joint with an upper limit alone, at 0.524 rad, was driven to 7.94 rad."""
+    sides = {"lower": lower, "upper": upper}
+    limits = "{" + ", ".join(f"{side}: {value}" for side, value in sides.items() if value is not None) + "}"
+    model = rrrgen.compile(rrrgen.loads_spec(TWO.format(first=limits, second="{}")), backend="numpy")
+    plan = ResponsePlan("turn", rms=1.0, speed=1.0000019)
+    for run in design_response(model, plan, RATE).runs:
+        path = 1e-3 * np.arange(len(run.n)) * run.speed + run.start[0]
+        assert np.ptp(path) > 20.0
+        assert upper is None or path.max() < upper
+        assert lower is None or path.min() > lower
+
+
 def test_standing_joints_stay_in_their_range():
-    text = (
-        "schema: rrrgen/1\nname: elbow\nconvention: standard\nunits: {angle: rad, length: m}\ngravity: [0, 0, -9.81]\n"
-        "joints:\n"
-        "  - {name: turn, type: revolute, alpha: 0, a: 0.3, d: 0, theta: 0}\n"
-        "  - {name: bend, type: revolute, alpha: 0, a: 0.2, d: 0, theta: 0, limits: {lower: -3, upper: -0.5}}\n"
-    )
+    text = TWO.format(first="{}", second="{lower: -3, upper: -0.5}")
     model = rrrgen.compile(rrrgen.loads_spec(text), backend="numpy")
     assert design_response(model, ResponsePlan("turn"), RATE).runs[0].start == (0.0, -1.75)
     with pytest.raises(InputError, match="posture 1 has joint bend at 0\\.1, outside"):
