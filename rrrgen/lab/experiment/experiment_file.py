@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.yamltext import signal_units as units
@@ -260,13 +260,13 @@ class _ExperimentReader(Reader):
             what,
             "excitation",
             {
-                "harmonics": self.count,
+                "harmonics": self.positive_count,
                 "base_frequency": self.one(units.RATE, "Hz", positive=True),
                 "objective": lambda n, w: self.choice(n, w, OBJECTIVES),
                 "at_rest": self.yes_or_no,
-                "starts": self.count,
-                "max_iterations": self.count,
-                "row_weights": self.each(UNITLESS, "one"),
+                "starts": self.positive_count,
+                "max_iterations": self.positive_count,
+                "row_weights": self.each(UNITLESS, "one", "positive"),
                 "limits": self.limits,
             },
         )
@@ -279,9 +279,9 @@ class _ExperimentReader(Reader):
             {
                 "lower": self.each(units.POSITION, "rad"),
                 "upper": self.each(units.POSITION, "rad"),
-                "speed": self.each(units.VELOCITY, "rad/s"),
-                "acceleration": self.each(units.ACCELERATION, "rad/s^2"),
-                "torque": self.each(EFFORT, "N*m"),
+                "speed": self.each(units.VELOCITY, "rad/s", "positive"),
+                "acceleration": self.each(units.ACCELERATION, "rad/s^2", "positive"),
+                "torque": self.each(EFFORT, "N*m", "positive"),
                 "box": self.box,
             },
         )
@@ -380,7 +380,7 @@ class _ExperimentReader(Reader):
                 "settle": self.count,
                 "rms": self.one(units.ACCELERATION, "rad/s^2", positive=True),
                 "speed": self.one(units.VELOCITY, "rad/s", positive=True),
-                "realisations": self.count,
+                "realisations": self.positive_count,
                 "postures": self.postures,
                 "bandwidth": self.band,
                 "damping": self.one(UNITLESS, "one", positive=True),
@@ -429,7 +429,7 @@ class _ExperimentReader(Reader):
             "control",
             {
                 "kind": lambda n, w: self.choice(n, w, CONTROL_LAWS),
-                "bandwidth": self.bandwidths,
+                "bandwidth": self.each(units.RATE, "Hz", "positive"),
                 "damping": self.one(UNITLESS, "one"),
                 "kp": self.each(UNITLESS, "one"),
                 "kd": self.each(UNITLESS, "one"),
@@ -458,19 +458,35 @@ class _ExperimentReader(Reader):
         """Make a reader of one value with a unit of ``table``; a number without a unit is in ``bare``."""
         return lambda node, what: self.quantity(node, what, table, bare, positive)
 
-    def each(self, table: Mapping[str, float], bare: str) -> Take:
-        """Make a reader of one value per joint with a unit of ``table``; a number without a unit is in ``bare``."""
-        return lambda node, what: self.per_joint(node, what, self.n, table, bare)
+    def each(
+        self, table: Mapping[str, float], bare: str, sign: Literal["any", "not negative", "positive"] = "any"
+    ) -> Take:
+        """Make a reader of one value per joint with a unit of ``table``; a number without a unit is in ``bare``.
 
-    def bandwidths(self, node: Node, what: str) -> tuple[float | None, ...] | None:
-        rates: tuple[float | None, ...] | None = self.each(units.RATE, "Hz")(node, what)
-        if rates is not None and any(value is not None and value <= 0.0 for value in rates):  # None: a fault already
-            self.faults.error(node, f"{what} must be positive")
-            return None
-        return rates
+        A value of another than the allowed ``sign`` is a fault.
+        """
+
+        def read(node: Node, what: str) -> tuple[float | None, ...]:
+            values = self.per_joint(node, what, self.n, table, bare)
+            items = node.items if isinstance(node, SequenceNode) else [node]
+            for item, value in zip(items, values, strict=False):  # a list of another length is a fault already
+                if value is not None and ((sign == "positive" and value <= 0.0) or (sign != "any" and value < 0.0)):
+                    self.faults.error(
+                        item, f"{what} must {'not be negative' if sign == 'not negative' else 'be positive'}"
+                    )
+            return values
+
+        return read
 
     def count(self, node: Node, what: str) -> int:
         return self.whole(node, what, 0)
+
+    def positive_count(self, node: Node, what: str) -> int:
+        """Read a whole number of at least 1."""
+        number = self.whole(node, what, 1)
+        if number == 0:
+            self.faults.error(node, f"{what} must be positive")
+        return number
 
     def pace(self, node: Node, what: str) -> tuple[float | None, ...]:
         items = node.items if isinstance(node, SequenceNode) else [node]

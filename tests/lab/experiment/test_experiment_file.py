@@ -97,3 +97,13 @@ def test_half_a_pair_leaves_one_side_of_the_box_open_and_is_a_fault_of_the_plane
 def test_a_bandwidth_that_is_no_number_is_a_fault_in_place(value: str, fault: str) -> None:
     with pytest.raises(InputError, match=rf"mine.yaml:2:\d+: error: {fault}"):
         loads_experiment(f"schema: rrrgen-experiment/1\ncontrol: {{kind: pd, bandwidth: {value}}}\n", 3, "mine.yaml")
+
+
+@pytest.mark.parametrize(
+    "key", ["starts: 0", "max_iterations: 0", "harmonics: 0", "row_weights: [1, 1, -1]", "limits: {speed: [0, 1, 1]}"]
+)
+def test_excitations_that_cannot_be_searched_are_faults_in_place(key: str) -> None:
+    """No start ended in an index outside of an empty list."""
+    name = key.rsplit("{", maxsplit=1)[-1].split(":", maxsplit=1)[0]
+    with pytest.raises(InputError, match=rf"mine.yaml:2:\d+: error: {name} must be positive"):
+        loads_experiment(f"schema: rrrgen-experiment/1\nexcitation: {{{key}}}\n", 3, "mine.yaml")
