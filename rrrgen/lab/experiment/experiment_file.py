@@ -328,15 +328,15 @@ class _ExperimentReader(Reader):
             return None
 
     def virtual_robot(self, node: Node, what: str) -> dict[str, Any]:
-        torque = self.each(EFFORT, "N*m")
+        torque = self.each(EFFORT, "N*m", "not negative")
         return self.section(
             node,
             what,
             "virtual_robot",
             {
                 "friction": self.friction,
-                "encoder_resolution": self.each(units.POSITION, "rad"),
-                "torque_limit": torque,
+                "encoder_resolution": self.each(units.POSITION, "rad", "not negative"),
+                "torque_limit": self.each(EFFORT, "N*m", "positive"),
                 "torque_resolution": torque,
                 "torque_noise": torque,
                 "disturbance": torque,
@@ -430,11 +430,11 @@ class _ExperimentReader(Reader):
             {
                 "kind": lambda n, w: self.choice(n, w, CONTROL_LAWS),
                 "bandwidth": self.each(units.RATE, "Hz", "positive"),
-                "damping": self.one(UNITLESS, "one"),
+                "damping": self.one(UNITLESS, "one", positive=True),
                 "kp": self.each(UNITLESS, "one"),
                 "kd": self.each(UNITLESS, "one"),
                 "observer": lambda n, w: self.choice(n, w, OBSERVERS),
-                "jerk": self.each({"rad/s^3": 1.0, "m/s^3": 1.0}, "rad/s^3"),
+                "jerk": self.each({"rad/s^3": 1.0, "m/s^3": 1.0}, "rad/s^3", "positive"),
                 "feedforward": self.yes_or_no,
             },
         )

@@ -45,10 +45,10 @@ class SimulateOptions(ExperimentOptions):
         "too slow for the motion.",
     )
     torque_noise: float | None = option(
-        None, "Standard deviation of the torque noise, N m; default: no noise.", metavar="NM"
+        None, "Standard deviation of the torque noise, N m; default: no noise.", least=0, metavar="NM"
     )
     base_mode: float | None = option(
-        None, "Natural frequency of a flexible base, such as 28; default: rigid.", unit="Hz"
+        None, "Natural frequency of a flexible base, such as 28; default: rigid.", unit="Hz", above=0
     )
 
     def of_file(self, joints: int) -> Experiment:

@@ -107,3 +107,21 @@ def test_excitations_that_cannot_be_searched_are_faults_in_place(key: str) -> No
     name = key.rsplit("{", maxsplit=1)[-1].split(":", maxsplit=1)[0]
     with pytest.raises(InputError, match=rf"mine.yaml:2:\d+: error: {name} must be positive"):
         loads_experiment(f"schema: rrrgen-experiment/1\nexcitation: {{{key}}}\n", 3, "mine.yaml")
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "fault"),
+    [
+        ("virtual_robot", "torque_noise: -1", "not be negative"),
+        ("virtual_robot", "encoder_resolution: [0, 1e-5, -1e-5]", "not be negative"),
+        ("virtual_robot", "torque_resolution: -1 mN*m", "not be negative"),
+        ("virtual_robot", "disturbance: -1", "not be negative"),
+        ("virtual_robot", "torque_limit: -5", "be positive"),
+        ("control", "jerk: [10, 0, 10]", "be positive"),
+        ("control", "damping: 0", "be positive"),
+    ],
+)
+def test_signs_of_a_virtual_robot_and_its_control_are_checked_in_place(section: str, key: str, fault: str) -> None:
+    """A negative torque limit held every torque at its value."""
+    with pytest.raises(InputError, match=rf"mine.yaml:2:\d+: error: {key.split(':')[0]} must {fault}"):
+        loads_experiment(f"schema: rrrgen-experiment/1\n{section}: {{{key}}}\n", 3, "mine.yaml")

@@ -6,6 +6,7 @@ import pytest
 import rrrgen
 from lab.studies.commands import assert_same_files, printed_json
 from rrrgen.lab.design.fourier_series import FourierTrajectory
+from rrrgen.lab.studies.options import OptionError
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +77,9 @@ def test_options_that_make_no_sense_are_refused(motion, result):
         rrrgen.simulate("planar2r", motion, bandwidth=0)
     with pytest.raises(rrrgen.InputError, match=r"cannot read nothing\.json"):
         rrrgen.simulate("planar2r", "nothing.json")
+
+
+@pytest.mark.parametrize(("option", "fault"), [("torque_noise", "at least 0"), ("base_mode", "above 0|positive")])
+def test_negative_noise_and_frequencies_are_refused(option: str, fault: str) -> None:
+    with pytest.raises(OptionError, match=f"{option} is -1.*({fault})"):
+        rrrgen.simulate("planar2r", **{option: -1.0})
