@@ -120,19 +120,26 @@ def _samples(plan: ResponsePlan, rate: float) -> int:
 def _rms(model: Any, plan: ResponsePlan, i: int, posture: tuple[float, ...], crest: float) -> float:
     """RMS of the excitation of joint ``i``, rad/s^2 (m/s^2): that of the plan, or what torque and acceleration allow.
 
-    ``crest`` is the peak of the excitation divided by its RMS.
+    ``crest`` is the peak of the excitation divided by its RMS. Raises :class:`InputError` if the peak of that of the
+    plan alone exceeds a limit.
     """
-    if plan.rms is not None:
-        if not plan.rms > 0.0:
-            raise InputError(f"the rms of the excitation is positive, not {plan.rms:g}")
-        return plan.rms
-    limits, largest = model.spec.joints[i].limits, LARGEST_RMS
+    if plan.rms is not None and not plan.rms > 0.0:
+        raise InputError(f"the rms of the excitation is positive, not {plan.rms:g}")
+    limits, bounds = model.spec.joints[i].limits, []
     if limits.torque is not None and model.beta is not None:
         inertia = float(model.mass_matrix(np.array(posture, dtype=float))[i, i])
-        largest = min(largest, TORQUE_SHARE * float(limits.torque) / (inertia * crest))
+        bounds.append(("torque", float(limits.torque), inertia * crest))
     if limits.acceleration is not None:
-        largest = min(largest, TORQUE_SHARE * float(limits.acceleration) / crest)
-    return largest
+        bounds.append(("acceleration", float(limits.acceleration), crest))
+    if plan.rms is None:
+        return min([LARGEST_RMS, *(TORQUE_SHARE * limit / peak for _, limit, peak in bounds)])
+    for name, limit, peak in bounds:
+        if plan.rms * peak > limit:
+            raise InputError(
+                f"the excitation of joint {i + 1} with the rms {plan.rms:g} takes up to {plan.rms * peak:.3g} of its "
+                f"{name}, whose limit is {limit:.3g}; take {TORQUE_SHARE * limit / peak:.3g} at most"
+            )
+    return plan.rms
 
 
 def _speed(
@@ -141,11 +148,12 @@ def _speed(
     """Mean speed of joint ``i``, rad/s (m/s), that keeps its sign under the excitation ``n``.
 
     In one period of the excitation (``samples``) the joint moves by no whole number of encoder steps, so that
-    quantisation does not repeat. ``kp`` (1/s^2) and ``kd`` (1/s) are the loop gains.
+    quantisation does not repeat. ``kp`` (1/s^2) and ``kd`` (1/s) are the loop gains. Raises :class:`InputError` if the
+    limit of the speed is too small, also for the speed of the plan.
     """
     drive = model.spec.joints[i].drive
     resolution = (drive and drive.encoder_resolution) or DEFAULT_RESOLUTION
-    slowest = _added_speed(n, rate, kp, kd)
+    slowest, allowed = _added_speed(n, rate, kp, kd), model.spec.joints[i].limits.velocity
     if plan.speed is not None:
         if not plan.speed > 0.0:
             raise InputError(f"the speed of the joint is positive, not {plan.speed:g}; strokes reverse by themselves")
@@ -156,11 +164,15 @@ def _speed(
                 f"at {plan.speed:g} the joint moves {steps:.6g} encoder steps of {resolution:g} in a period: nearly a "
                 f"whole number, so that quantisation repeats; take {better:.9g}"
             )
+        if allowed is not None and plan.speed + slowest > float(allowed):
+            raise InputError(
+                f"joint {i + 1} moves at {plan.speed:.3g}, to which the excitation adds up to {slowest:.3g}; its limit "
+                f"is {float(allowed):.3g}: lower the speed or the rms"
+            )
         return plan.speed
     wanted = SPEED_MARGIN * slowest
     if samples is not None:
         wanted = (math.ceil(wanted * plan.period / resolution) + FRACTION) * resolution / plan.period
-    allowed = model.spec.joints[i].limits.velocity
     if allowed is not None and wanted + slowest > SPEED_SHARE * float(allowed):
         raise InputError(
             f"joint {i + 1} must move at {wanted:.3g} so that the excitation, which adds up to {slowest:.3g}, never "

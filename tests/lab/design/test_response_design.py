@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,24 @@ def test_standing_joints_stay_in_their_range():
     assert design_response(model, ResponsePlan("turn"), RATE).runs[0].start == (0.0, -1.75)
     with pytest.raises(InputError, match="posture 1 has joint bend at 0\\.1, outside"):
         design_response(model, ResponsePlan("turn", postures=((0.0, 0.1),)), RATE)
+
+
+@pytest.mark.parametrize(
+    ("stated", "fault"),
+    [
+        ({"speed": 2.99003}, "moves at 2.99, .* its limit is 3"),
+        ({"rms": 30.0}, "of its torque, whose limit is 20"),
+    ],
+)
+def test_a_stated_speed_or_rms_beyond_the_limits_is_refused(stated: dict[str, float], fault: str):
+    """The joint has the inertia 0.361 kg m^2, and the limits 20 N m, 100 rad/s^2 and 3 rad/s."""
+    model = rrr(velocity=3.0)
+    plan = ResponsePlan("table", band=(5.0, 100.0), rms=2.0, speed=2.00003)
+    assert design_response(model, plan, RATE).runs
+    with pytest.raises(InputError, match=f"joint 1 .*{fault}"):
+        design_response(model, replace(plan, **stated), RATE)
+    accelerated = rrrgen.compile(
+        rrrgen.loads_spec(TWO.format(first="{acceleration: 50}", second="{}")), backend="numpy"
+    )
+    with pytest.raises(InputError, match="joint 1 .*of its acceleration, whose limit is 50"):
+        design_response(accelerated, ResponsePlan("turn", rms=30.0), RATE)
