@@ -43,6 +43,7 @@ def excite_friction(
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.design.friction_motion import design_friction_motion
     from rrrgen.lab.design.plots import plot_joint
+    from rrrgen.lab.experiment.setup import limited_spec
     from rrrgen.verify.references.newton_euler import NewtonEuler
     from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
 
@@ -50,7 +51,7 @@ def excite_friction(
     links = None if phi is None else NewtonEuler(chain_of(spec), phi)
     torque = None if links is None else lambda *motion: links.inverse_dynamics(*motion)
     duration = options.duration or DURATION
-    motion = design_friction_motion(spec, joint, duration, experiment.seed, torque)
+    motion = design_friction_motion(limited_spec(experiment, spec), joint, duration, experiment.seed, torque)
     settings = {"friction": joint, "duration": duration, "rate": options.rate}
     inputs = described_files(robot=Path(robot), experiment=options.experiment)
     with RunFolder(output, "excite", inputs, settings, experiment.seed, fresh) as folder:

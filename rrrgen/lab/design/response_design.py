@@ -8,7 +8,7 @@ the range of the joint is split into strokes back and forth, each of whole perio
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from rrrgen.base.errors import InputError
 from rrrgen.lab.design.plan import ResponseDesign, ResponsePlan, ResponseRun
 from rrrgen.lab.design.signals import SIGNALS, excitation_signal
 from rrrgen.robot.model.mechanism import follower_limits, limits_at
+
+if TYPE_CHECKING:
+    from rrrgen.robot.spec import RobotSpec
 
 LARGEST_RMS = 7.0
 """Largest rms of the excitation that is chosen, rad/s^2 (m/s^2)."""
@@ -35,29 +38,33 @@ FEWEST_PERIODS = 2
 DEFAULT_RESOLUTION = 1e-5
 
 
-def design_response(model: Any, plan: ResponsePlan, rate: float, seed: int = 0) -> ResponseDesign:
+def design_response(
+    model: Any, plan: ResponsePlan, rate: float, seed: int = 0, spec: RobotSpec | None = None
+) -> ResponseDesign:
     """Design the runs of the experiment ``plan`` for the compiled robot ``model`` at the sampling ``rate`` (Hz).
 
-    ``seed`` is that of the random phases. Raises :class:`InputError` if the joint cannot execute the plan, because its
-    speed, range or torque is too small, or if a period is no whole number of samples.
+    ``seed`` is that of the random phases; ``spec`` is the robot with the limits to keep, that of the model if None.
+    Raises :class:`InputError` if the joint cannot execute the plan, because its speed, range or torque is too small, or
+    if a period is no whole number of samples.
     """
-    names = tuple(joint.name for joint in model.spec.joints)
+    spec = model.spec if spec is None else spec
+    names = tuple(joint.name for joint in spec.joints)
     i, samples = plan.joint_index(names), _samples(plan, rate)
     omega = 2.0 * math.pi * np.array([plan.bandwidth[0] if k == i else plan.bandwidth[1] for k in range(model.n)])
     kp, kd = omega**2, 2.0 * plan.damping * omega
     rng = np.random.default_rng(seed)
     periodic = plan.signal != "noise"
-    postures = plan.postures or (_middle(model),)
+    postures = plan.postures or (_middle(spec),)
     runs: list[ResponseRun] = []
     for p, posture in enumerate(postures, start=1):
-        _check_posture(model, posture, p, i)
+        _check_posture(spec, posture, p, i)
         for r in range(1, plan.realisations + 1):
             count = samples if periodic else samples * plan.periods * (plan.settle + 1)  # for the most strokes
             shape = excitation_signal(plan.signal, plan.band, count, rate, rng)
-            n = shape * _rms(model, plan, i, posture, float(np.abs(shape).max()))
-            speed = _speed(model, plan, i, n, rate, float(kp[i]), float(kd[i]), samples if periodic else None)
+            n = shape * _rms(model, spec, plan, i, posture, float(np.abs(shape).max()))
+            speed = _speed(spec, plan, i, n, rate, float(kp[i]), float(kd[i]), samples if periodic else None)
             name = f"{names[i]}_posture{p}_realisation{r}"
-            runs += _strokes(model, plan, i, posture, speed, n, samples / rate, name, (p, r), samples)
+            runs += _strokes(spec, plan, i, posture, speed, n, samples / rate, name, (p, r), samples)
     return ResponseDesign(
         robot=model.name,
         joint=i,
@@ -71,29 +78,29 @@ def design_response(model: Any, plan: ResponsePlan, rate: float, seed: int = 0) 
     )
 
 
-def _middle(model: Any) -> tuple[float, ...]:
+def _middle(spec: RobotSpec) -> tuple[float, ...]:
     """Default posture (n,): position 0 for each joint, or the middle of its range if this does not contain 0."""
     posture = []
-    for joint in model.spec.joints:
+    for joint in spec.joints:
         lower, upper = joint.limits.lower, joint.limits.upper
         outside = lower is not None and upper is not None and not float(lower) < 0.0 < float(upper)
         posture.append(0.5 * (float(lower) + float(upper)) if outside else 0.0)
     return tuple(posture)
 
 
-def _check_posture(model: Any, posture: tuple[float, ...], number: int, moving: int) -> None:
+def _check_posture(spec: RobotSpec, posture: tuple[float, ...], number: int, moving: int) -> None:
     """Raise InputError for a ``posture`` with a wrong number of joints, or with a joint outside its range.
 
     ``number`` is that of the posture, for the message; the joint ``moving`` (from 0) is not checked.
     """
-    if len(posture) != model.n:
-        raise InputError(f"posture {number} has {len(posture)} joint positions, the robot {model.n}")
-    for k, (position, joint) in enumerate(zip(posture, model.spec.joints, strict=True)):
+    if len(posture) != spec.n:
+        raise InputError(f"posture {number} has {len(posture)} joint positions, the robot {spec.n}")
+    for k, (position, joint) in enumerate(zip(posture, spec.joints, strict=True)):
         lower, upper = joint.limits.lower, joint.limits.upper
         below, above = lower is not None and position < lower, upper is not None and position > upper
         if k != moving and (below or above):
             raise InputError(f"posture {number} has joint {joint.name} at {position:.4g}, outside its range")
-    for follower in follower_limits(model.spec):
+    for follower in follower_limits(spec):
         position = sum(f * x for f, x in zip(follower.factors, posture, strict=True))
         below, above = (
             follower.lower is not None and position < follower.lower,
@@ -117,7 +124,7 @@ def _samples(plan: ResponsePlan, rate: float) -> int:
     return samples
 
 
-def _rms(model: Any, plan: ResponsePlan, i: int, posture: tuple[float, ...], crest: float) -> float:
+def _rms(model: Any, spec: RobotSpec, plan: ResponsePlan, i: int, posture: tuple[float, ...], crest: float) -> float:
     """RMS of the excitation of joint ``i``, rad/s^2 (m/s^2): that of the plan, or what torque and acceleration allow.
 
     ``crest`` is the peak of the excitation divided by its RMS. Raises :class:`InputError` if the peak of that of the
@@ -125,7 +132,7 @@ def _rms(model: Any, plan: ResponsePlan, i: int, posture: tuple[float, ...], cre
     """
     if plan.rms is not None and not plan.rms > 0.0:
         raise InputError(f"the rms of the excitation is positive, not {plan.rms:g}")
-    limits, bounds = model.spec.joints[i].limits, []
+    limits, bounds = spec.joints[i].limits, []
     if limits.torque is not None and model.beta is not None:
         inertia = float(model.mass_matrix(np.array(posture, dtype=float))[i, i])
         bounds.append(("torque", float(limits.torque), inertia * crest))
@@ -143,7 +150,7 @@ def _rms(model: Any, plan: ResponsePlan, i: int, posture: tuple[float, ...], cre
 
 
 def _speed(
-    model: Any, plan: ResponsePlan, i: int, n: Array, rate: float, kp: float, kd: float, samples: int | None
+    spec: RobotSpec, plan: ResponsePlan, i: int, n: Array, rate: float, kp: float, kd: float, samples: int | None
 ) -> float:
     """Mean speed of joint ``i``, rad/s (m/s), that keeps its sign under the excitation ``n``.
 
@@ -151,9 +158,9 @@ def _speed(
     quantisation does not repeat. ``kp`` (1/s^2) and ``kd`` (1/s) are the loop gains. Raises :class:`InputError` if the
     limit of the speed is too small, also for the speed of the plan.
     """
-    drive = model.spec.joints[i].drive
+    drive = spec.joints[i].drive
     resolution = (drive and drive.encoder_resolution) or DEFAULT_RESOLUTION
-    slowest, allowed = _added_speed(n, rate, kp, kd), model.spec.joints[i].limits.velocity
+    slowest, allowed = _added_speed(n, rate, kp, kd), spec.joints[i].limits.velocity
     if plan.speed is not None:
         if not plan.speed > 0.0:
             raise InputError(f"the speed of the joint is positive, not {plan.speed:g}; strokes reverse by themselves")
@@ -189,7 +196,7 @@ def _added_speed(n: Array, rate: float, kp: float, kd: float) -> float:
 
 
 def _strokes(
-    model: Any,
+    spec: RobotSpec,
     plan: ResponsePlan,
     i: int,
     posture: tuple[float, ...],
@@ -205,7 +212,7 @@ def _strokes(
     ``n`` is the excitation, ``period`` the sampling period (s), ``samples`` the length of an excitation period.
     ``numbers`` are those of posture and realisation.
     """
-    limits = limits_at(model.spec, i, posture)
+    limits = limits_at(spec, i, posture)
     lower, upper = (None if v is None else float(v) for v in (limits.lower, limits.upper))
     room = math.inf if lower is None or upper is None else RANGE_SHARE * (upper - lower)
     lead = plan.settle * period

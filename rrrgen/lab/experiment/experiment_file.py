@@ -51,7 +51,10 @@ KEYS: dict[str, Entries] = {
         "starts": Entry("number of random starts of the optimisation; 4 if missing"),
         "max_iterations": Entry("of one start"),
         "row_weights": Entry("1 over the standard deviation of each torque, per joint"),
-        "limits": Entry("of the motion; what is missing but `torque` and `box` is that of the robot file"),
+        "limits": Entry(
+            "of the motion; what is missing but `torque` and `box` is that of the robot file; with `--friction` and "
+            "`--response` the tighter of both, without a box"
+        ),
     },
     "limits": {
         "lower": Entry("lowest position, per joint", "rad, m"),

@@ -17,7 +17,15 @@ from rrrgen.lab.data.kalman import KalmanMatrices, kalman_matrices, quantisation
 from rrrgen.lab.design.plan import ResponseDesign, ResponsePlan
 from rrrgen.lab.design.response_design import design_response
 from rrrgen.lab.experiment.experiment_file import Experiment
-from rrrgen.lab.experiment.setup import arm_of, friction_of, instruments_of, plant_of, resolutions_of, rigid_body_of
+from rrrgen.lab.experiment.setup import (
+    arm_of,
+    friction_of,
+    instruments_of,
+    limited_spec,
+    plant_of,
+    resolutions_of,
+    rigid_body_of,
+)
 from rrrgen.lab.plant.controllers import BackwardDifference, ComputedTorque, DeviationFilter, Observer, RecordedInput
 from rrrgen.lab.plant.elastic_modes import ElasticMode, elastic_modes
 from rrrgen.lab.plant.experiment import SimulatedRecording, VirtualRobot
@@ -45,8 +53,9 @@ def response_plan(experiment: Experiment, joint: str | None = None) -> ResponseP
 
 
 def response_design(experiment: Experiment, model: Any, plan: ResponsePlan) -> ResponseDesign:
-    """Design the runs of ``plan`` for the robot ``model``, with the sampling rate and the seed of the experiment."""
-    return design_response(model, plan, 1.0 / experiment.period, experiment.seed)
+    """Design the runs of ``plan`` for the robot ``model``, with sampling rate, seed and limits of the experiment."""
+    spec = limited_spec(experiment, model.spec)
+    return design_response(model, plan, 1.0 / experiment.period, experiment.seed, spec)
 
 
 def simulate_response(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,7 @@ from rrrgen.robot.model.drives import stated_at_joints
 if TYPE_CHECKING:
     from rrrgen.lab.plant.experiment import Instruments
     from rrrgen.lab.plant.plant import Plant, RigidBody
+    from rrrgen.robot.spec import RobotSpec
 
 DEFAULT_RESOLUTION = 1e-5
 """Encoder resolution, rad (m), if neither file states one: that of the encoders in the case study of the RRR arm."""
@@ -52,6 +53,44 @@ def problem_of(experiment: Experiment, model: Any) -> ExcitationProblem:
         limit.name: getattr(of_robot, limit.name) for limit in fields(limits) if getattr(limits, limit.name) is None
     }
     return robot_problem(model, replace(limits, **missing), sample_period=experiment.period, **experiment.excitation)
+
+
+LIMITED = {"velocity": "speed", "acceleration": "acceleration", "torque": "torque"}
+"""Largest magnitudes among the limits of a joint, with their names among those of an excitation."""
+
+
+def limited_spec(experiment: Experiment, spec: RobotSpec) -> RobotSpec:
+    """The robot ``spec`` with the tighter of its limits and those that the experiment states for its excitation.
+
+    For motions of single joints, whose design takes the limits of the robot. Raises InputError for limits that leave no
+    range, and for a box of the tip, which these designs do not keep.
+    """
+    limits = experiment.limits
+    if limits is None:
+        return spec
+    if limits.box_lower is not None or limits.box_upper is not None:
+        raise InputError(
+            "the motion of a single joint, for friction or a frequency response, keeps to no box of the tip: state its "
+            "range by 'lower' and 'upper' among the limits of the excitation"
+        )
+    joints = []
+    for i, joint in enumerate(spec.joints):
+        own = joint.limits
+        lower = _tighter(max, own.lower, limits.position_lower, i)
+        upper = _tighter(min, own.upper, limits.position_upper, i)
+        if lower is not None and upper is not None and lower >= upper:
+            raise InputError(f"the limits of the excitation leave joint {joint.name} no range within the robot file's")
+        sizes = {name: _tighter(min, getattr(own, name), getattr(limits, key), i) for name, key in LIMITED.items()}
+        joints.append(replace(joint, limits=replace(own, lower=lower, upper=upper, **sizes)))
+    return replace(spec, joints=tuple(joints))
+
+
+def _tighter(
+    choose: Callable[[list[float]], float], of_robot: Any, row: Sequence[float | None] | None, i: int
+) -> float | None:
+    """The limit of joint ``i`` that ``choose`` prefers, of that of the robot file and that in ``row``; None without."""
+    stated = [float(value) for value in (of_robot, None if row is None else row[i]) if value is not None]
+    return choose(stated) if stated else None
 
 
 def writing_path(experiment: Experiment, model: Any) -> JointPath:

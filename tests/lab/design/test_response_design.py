@@ -97,5 +97,5 @@ def test_a_stated_speed_or_rms_beyond_the_limits_is_refused(stated: dict[str, fl
     accelerated = rrrgen.compile(
         rrrgen.loads_spec(TWO.format(first="{acceleration: 50}", second="{}")), backend="numpy"
     )
-    with pytest.raises(InputError, match="joint 1 .*of its acceleration, whose limit is 50"):
+    with pytest.raises(InputError, match=r"joint 1 .*of its acceleration, whose limit is 50"):
         design_response(accelerated, ResponsePlan("turn", rms=30.0), RATE)

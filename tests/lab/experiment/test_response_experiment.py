@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import rrrgen
 from lab.experiment.simulated_response import ARM, EXACT, NOISY, arm, experiment, record, simulated, truth
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import cli
@@ -23,6 +24,7 @@ from rrrgen.lab.experiment.response import (
     response_margin,
     response_plan,
 )
+from rrrgen.lab.experiment.setup import limited_spec
 from rrrgen.lab.plant.recording_files import write_recording, write_responses
 from rrrgen.lab.response.estimation import estimate_one, estimate_responses
 from rrrgen.lab.response.response_file import load_response
@@ -167,3 +169,39 @@ def test_the_loop_of_a_response_experiment_has_a_margin(delay: int) -> None:
     found = replace(found, virtual_robot={**found.virtual_robot, "delay": delay})
     margin = response_margin(found, arm(), response_design(found, arm(), response_plan(found)))
     assert margin.unstable == (delay == 30)
+
+
+LIMITED = """schema: rrrgen-experiment/1
+excitation: {limits: {lower: [-1, .2, -1], upper: [1, .6, 1], speed: .5, acceleration: 3}}
+response: {joint: q2, period: 1 s, periods: 4, settle: 1, band: [5 Hz, 50 Hz]}
+"""
+
+
+@pytest.mark.parametrize("kind", ["--response", "--friction"])
+def test_motions_of_one_joint_keep_to_the_limits_of_the_experiment_file(kind: str, tmp_path):
+    """They had no effect on these motions."""
+    file, folder = tmp_path / "limited.yaml", tmp_path / "run"
+    file.write_text(LIMITED, encoding="utf-8")
+    assert run_command(["experiment", "excite", "rrr", kind, "q2", "--experiment", str(file), "-o", str(folder)]) == 0
+    files = list((folder / "results").glob("*.csv"))
+    assert files
+    for path in files:
+        table = np.genfromtxt(path, delimiter=",", names=True)
+        assert table["q2"].min() >= 0.2
+        assert table["q2"].max() <= 0.6
+        assert np.abs(table["dq2"]).max() <= 0.5
+        if kind == "--friction":
+            assert np.abs(table["ddq2"]).max() <= 3.0
+        else:
+            assert np.abs(table["n"]).max() <= 0.4 * 3.0 + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("limits", "fault"), [("box: {z: [0.4, ~]}", "no box"), ("upper: -10", "leave joint q1 no range")]
+)
+def test_limits_that_motions_of_one_joint_cannot_keep_are_refused(limits: str, fault: str):
+    robot = rrrgen.load_spec("rrr")
+    robot = replace(robot, joints=tuple(replace(j, limits=replace(j.limits, lower=-3.0)) for j in robot.joints))
+    file = loads_experiment(f"schema: rrrgen-experiment/1\nexcitation: {{limits: {{{limits}}}}}\n", 3)
+    with pytest.raises(InputError, match=fault):
+        limited_spec(file, robot)
