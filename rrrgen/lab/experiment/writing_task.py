@@ -332,6 +332,32 @@ class JointPath:
         return q, dq, _solve(J, acceleration - bias)
 
 
+RANGE_STEP = 1e-2
+"""Interval of the times at which a path is compared with position limits, s."""
+
+
+def excesses_of_range(path: JointPath) -> list[str]:
+    """Sentences about the joints that the path moves beyond their position limits; empty if it keeps to all of them.
+
+    The inverse kinematics follows one branch from the start, whatever the limits are.
+    """
+    t = np.arange(0.0, path.task.duration + RANGE_STEP, RANGE_STEP)
+    q = path.inverse_kinematics(path.task.evaluate(t)[0])
+    rows = [
+        (joint.name, q[:, i], joint.limits, "rad" if joint.is_revolute else "m")
+        for i, joint in enumerate(path.model.spec.joints)
+    ]
+    sentences = []
+    for name, positions, limits, unit in rows:
+        for side, limit, end in (("lower", limits.lower, positions.min()), ("upper", limits.upper, positions.max())):
+            if limit is not None and (end < float(limit) if side == "lower" else end > float(limit)):
+                sentences.append(
+                    f"the writing task moves joint {name} to {end:.3g} {unit}, beyond its {side} limit of "
+                    f"{float(limit):.3g} {unit}"
+                )
+    return sentences
+
+
 def _solve(J: Array, rows: Array) -> Array:
     if J.shape[1] == J.shape[2]:
         return np.asarray(np.linalg.solve(J, rows[:, :, None])[:, :, 0])
@@ -370,7 +396,10 @@ def _newton(model: Any, q: Array, target: Array, tolerance: float, iterations: i
         J = np.asarray(model.jacobian(q))[:3]
         step = np.linalg.lstsq(J, error, rcond=1e-10)[0]
         q = q + step * min(1.0, 0.5 / max(float(np.abs(step).max()), 1e-300))
-    raise DerivationError(f"no joint position was found for the tip at {np.round(target, 4).tolist()} m")
+    raise DerivationError(
+        f"no joint position was found for the tip at {np.round(target, 4).tolist()} m: it came no nearer "
+        f"than {best:.3g} m"
+    )
 
 
 def solver_inverse_kinematics(
@@ -382,8 +411,11 @@ def solver_inverse_kinematics(
     """
 
     def solve(positions: Array) -> Array:
-        batch = solver.solve_batch(positions, limits=False)
+        batch = solver.solve_batch(positions, limits=False)  # limits hold for the unwrapped path: see excesses_of_range
         valid = np.arange(batch.q.shape[1]) < np.asarray(batch.counts)[:, None]
+        if not valid[:, 0].all():
+            point = np.round(np.asarray(positions)[int(np.argmin(valid[:, 0]))], 4).tolist()
+            raise DerivationError(f"the tip cannot reach {point} m, a point of the path")
         return follow_branch(batch.q, valid, start, revolute)
 
     return solve

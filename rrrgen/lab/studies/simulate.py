@@ -210,7 +210,7 @@ def simulate(
         folder: run folder to write to; without, nothing is written.
         fresh: discard the run that the folder holds.
         progress: called as ``progress(done, total, message)``; total is 0 where the end is not known.
-        findings: called with warnings of the robot file and of the control loop.
+        findings: called with warnings of the robot file, the control loop, and of tasks beyond the range of a joint.
         changes: single options by name, such as ``torque_noise=0.05``.
 
     Raises:
@@ -230,7 +230,7 @@ def simulate(
     if arm.model.beta is None:
         name = str(robot) if isinstance(robot, (str, os.PathLike)) else arm.spec.name
         raise OptionError(f"{name} has no links: there is nothing to simulate")
-    followed = _motion_to_follow(arm, experiment, motion, reference)
+    followed = _motion_to_follow(arm, experiment, motion, reference, findings)
     settings = {"writing": motion is None and reference is None, **chosen.settings(), **arm.settings}
     files = arm.files | {key: file for key, file in followed.files.items() if key == "trajectory"} | chosen.files()
     run = Run("simulate", files | followed.files, settings | followed.settings, experiment.seed)
@@ -254,13 +254,18 @@ class _Followed:
 
 
 def _motion_to_follow(
-    arm: RobotInput, experiment: Experiment, motion: Any, reference: RecordingSource | None
+    arm: RobotInput,
+    experiment: Experiment,
+    motion: Any,
+    reference: RecordingSource | None,
+    findings: FindingsCallback,
 ) -> _Followed:
-    """The motion of a trajectory, of a recording, or of the writing task."""
+    """The motion of a trajectory, of a recording, or of the writing task, which may be beyond the joints' limits."""
     from rrrgen.lab.design.fourier_series import read_trajectory
     from rrrgen.lab.design.friction_motion import read_friction_motion
     from rrrgen.lab.experiment.feedback_linearisation import RecordedMotion
     from rrrgen.lab.experiment.setup import writing_path
+    from rrrgen.lab.experiment.writing_task import excesses_of_range
     from rrrgen.lab.studies.excite import ExcitationResult
     from rrrgen.lab.studies.options import MotionOptions
     from rrrgen.lab.studies.sources import chosen_processing, recording_inputs
@@ -272,6 +277,9 @@ def _motion_to_follow(
         return _Followed(recorded.evaluate, recorded.duration, logs.files, logs.settings)
     if motion is None:
         path = writing_path(experiment, arm.model)
+        for sentence in excesses_of_range(path):
+            hint = "move the plane of the task, or state another 'start' in the experiment file"
+            findings(Fault(arm.spec.file or arm.spec.name, 0, 0, sentence, hint=hint, severity="warning"))
         return _Followed(path.evaluate, path.task.duration, {}, {})
     if isinstance(motion, (str, os.PathLike)):
         series: Any = read_friction_motion(Path(motion)) or read_trajectory(Path(motion))

@@ -155,7 +155,7 @@ def test_branches_are_unwound_and_faults_named(task) -> None:
     with pytest.raises(DerivationError, match="point 7"):
         follow_branch(solutions, valid)
     far = writing_task("I", plane=WritingPlane(y=-3.0))
-    with pytest.raises(DerivationError, match="no joint position"):
+    with pytest.raises(DerivationError, match=r"no joint position .* no nearer than [12]\.\d+ m"):
         newton_inverse_kinematics(ChapterArm(), START)(far.evaluate(np.zeros(1))[0])
 
 

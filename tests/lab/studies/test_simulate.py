@@ -1,5 +1,7 @@
 """A simulated experiment as a function, with the recording of the command."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -83,3 +85,17 @@ def test_options_that_make_no_sense_are_refused(motion, result):
 def test_negative_noise_and_frequencies_are_refused(option: str, fault: str) -> None:
     with pytest.raises(OptionError, match=f"{option} is -1.*({fault})"):
         rrrgen.simulate("planar2r", **{option: -1.0})
+
+
+@pytest.mark.parametrize(("shift", "beyond"), [(0.0, ["q1", "q3"]), (0.5, [])])
+def test_a_writing_task_beyond_the_range_of_a_joint_is_a_warning(shift: float, beyond: list[str], tmp_path):
+    """The joints of the gantry are x, y and z of the tip: x begins at 0, and z ends there; 2 cm stay free."""
+    file, findings = tmp_path / "writing.yaml", []
+    plane = f"{{x: [{shift - 0.1}, {shift + 0.12}], y: 0.2, z: [{-0.2 - shift / 5}, {0.1 - shift / 5}]}}"
+    file.write_text(f"schema: rrrgen-experiment/1\nwriting: {{text: N, plane: {plane}}}\n", encoding="utf-8")
+    rrrgen.simulate("gantry", experiment=file, duration=0.1, findings=findings.append)
+    shown = [str(fault) for fault in findings if "writing task" in fault.message]
+    assert [re.search(r"warning: the writing task moves joint (\w+)", text)[1] for text in shown] == beyond
+    if beyond:
+        assert re.search(r"to -0.0\d+ m, beyond its lower limit of 0 m", shown[0])
+        assert re.search(r"to 0.08 m, beyond its upper limit of 0 m", shown[1])
