@@ -119,6 +119,10 @@ def vibration(model: Path | None, output: Path, as_json: bool, **options: Any) -
         refuse(["tolerance"], "is that of a shaper, and none is designed")
     if not options["notch"]:
         refuse(["peak", "width", "crossover"], "describes notches, and none is designed")
+    if options["width"] is not None:
+        refuse(["peak"], "has no effect with --width")
+    if options["band"] and options["band"][0] > options["band"][1]:
+        raise click.UsageError("--band: {:g} {:g} is in the reverse order, not LOW HIGH".format(*options["band"]))
     if model is None:
         refuse(["against", "band"], "chooses among the modes of MODEL, which is not given")
     vibrations, period, left_out = _vibrations(model, options)

@@ -162,9 +162,17 @@ def _factor(root: complex) -> tuple[float, float, float]:
 
 
 def phase_lag(notches: Sequence[Notch], frequency: float) -> float:
-    """Phase lag in degrees of all notches in series at ``frequency`` in Hz, such as the crossover of a control loop."""
-    total = np.prod([notch.response(np.array([frequency]))[0] for notch in notches])
-    return float(-np.degrees(np.angle(total)))
+    """Phase lag in degrees of all notches in series at ``frequency`` in Hz, such as the crossover of a control loop.
+
+    The lags of single notches, each below 180 degrees, add up to more where there are several. Raises
+    :class:`InputError` for a frequency of half the sampling rate or more.
+    """
+    if any(frequency >= 0.5 / notch.period for notch in notches):
+        raise InputError(
+            f"a crossover of {frequency:.4g} Hz is not below half the sampling rate of {1.0 / notches[0].period:.6g} "
+            "Hz: a sampled filter has no phase there"
+        )
+    return -sum(float(np.degrees(np.angle(notch.response(np.array([frequency]))[0]))) for notch in notches)
 
 
 # ------------------------------------------------------------------------------------------------------------------

@@ -97,6 +97,8 @@ def test_output_that_cannot_be_written_is_no_bad_input(arguments, rrrgen):
         ("verify rrr --backend numpy --real float", "--real float belongs to --backend c"),
         ("response vibration --mode 9:.1 --rate 1000 -o v --band 1 2", "--band: chooses among the modes of MODEL"),
         ("response vibration model.json -o v --no-notch --peak 2", "--peak: describes notches, and none is designed"),
+        ("response vibration model.json -o v --width .5 --peak 2", "--peak: has no effect with --width"),
+        ("response vibration model.json -o v --band 60 10", "--band: 60 10 is in the reverse order"),
         ("response vibration model.json -o v --shaper none --tolerance .1", "--tolerance: is that of a shaper"),
     ],
 )

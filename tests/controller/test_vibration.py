@@ -245,3 +245,25 @@ def test_arguments_without_meaning_are_refused():
         design_shaper([], PERIOD)
     with pytest.raises(InputError, match="width of a notch"):
         design_notches([BASE], PERIOD, width=2.0)
+
+
+def test_the_phase_lag_of_several_notches_exceeds_half_a_turn():
+    """It wrapped to a phase lead; the reference follows the phase of their product up from low frequencies."""
+    notches = design_notches([Vibration((f,), (0.02,)) for f in (28.0, 31.0, 34.0)], PERIOD, width=1.0)
+    frequencies = np.linspace(0.01, 25.0, 2500)
+    z = np.exp(-2j * np.pi * frequencies * PERIOD)
+    total = np.prod([np.polyval(n.numerator[::-1], z) / np.polyval(n.denominator[::-1], z) for n in notches], axis=0)
+    assert phase_lag(notches, 25.0) == pytest.approx(-np.degrees(np.unwrap(np.angle(total))[-1]), rel=1e-9)
+    assert phase_lag(notches, 25.0) > 180.0
+    for alias in (500.0, 975.0):
+        with pytest.raises(InputError, match=f"a crossover of {alias:.4g} Hz is not below half the sampling rate"):
+            phase_lag(notches, alias)
+
+
+def test_a_file_of_another_kind_is_named_once(tmp_path, capsys):
+    other = tmp_path / "other.json"
+    other.write_text('{"schema": "other/1"}')
+    assert run(["response", "vibration", str(other), "-o", str(tmp_path / "run")]) == 3
+    shown = capsys.readouterr().err
+    assert shown.count("is no response model") == 1
+    assert "InputError" not in shown

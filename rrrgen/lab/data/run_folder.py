@@ -218,6 +218,8 @@ def read_json(path: str | os.PathLike[str], what: str, read: Callable[[Any], Con
         return read(json.loads(Path(path).read_text(encoding="utf-8")))
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    except InputError:  # a ValueError that says already what is wrong
+        raise
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path} is no {what}: {error!r}") from None
 
