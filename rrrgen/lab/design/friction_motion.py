@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -152,7 +152,7 @@ def design_friction_motion(
     )
     centre = [_middle(joint_spec.limits) for joint_spec in spec.joints]
     row = replace(row, limits=limits_at(spec, i, centre))
-    centre[i] = _middle(row.limits)
+    centre[i] = _centre(row.limits, parts)
     scaled_parts = [_scale_amplitude(part, _share(part, row.limits, centre[i], joint)) for part in parts]
     motion = FrictionMotion(i, joint, tuple(centre), tuple(scaled_parts))
     if torque is None or row.limits.torque is None:
@@ -192,6 +192,19 @@ def _middle(limits: Any) -> float:
     low = -math.inf if limits.lower is None else float(limits.lower)
     high = math.inf if limits.upper is None else float(limits.upper)
     return min(max(0.0, low), high)
+
+
+def _centre(limits: Any, parts: Sequence[Multisine]) -> float:
+    """Position, rad (m), about which the joint moves: the middle of its range, or 0 unless its only limit is too near.
+
+    Then it is so far from this limit that the unscaled motion ``parts`` takes RESERVE of the way to it.
+    """
+    if (limits.lower is None) == (limits.upper is None):
+        return _middle(limits)
+    waves = [part.evaluate(part.start + np.arange(0.0, part.duration, GRID))[0] for part in parts]
+    if limits.upper is None:
+        return max(0.0, float(limits.lower) - min(float(np.min(wave)) for wave in waves) / RESERVE)
+    return min(0.0, float(limits.upper) - max(float(np.max(wave)) for wave in waves) / RESERVE)
 
 
 def _share(part: Multisine, limits: Any, centre: float, joint: str) -> float:

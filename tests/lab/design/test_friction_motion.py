@@ -57,6 +57,22 @@ def test_tight_position_limits_shrink_the_motion():
     assert np.ptp(q) > 0.1
 
 
+@pytest.mark.parametrize(("side", "limit"), [("lower", 0.0), ("lower", 0.4), ("upper", -0.2), ("upper", 0.05)])
+def test_one_position_limit_near_zero_moves_the_motion_away_from_it(side: str, limit: float):
+    """A joint with one limit at or beyond zero was centred on it, and refused for lack of room."""
+    spec = load_spec("pendulum")
+    ranges = []
+    for sides in ({side: limit}, {}):
+        stated = replace(spec.joints[0].limits, **{"lower": None, "upper": None} | sides)
+        joint = replace(spec.joints[0], limits=stated)
+        motion = design_friction_motion(replace(spec, joints=(joint,)), joint.name, 30.0, 0)
+        q = motion.evaluate(np.arange(0.0, 30.0, 1e-3))[0][:, 0]
+        ranges.append(np.ptp(q))
+        if side in sides:
+            assert q.min() > limit if side == "lower" else q.max() < limit
+    assert ranges[0] == pytest.approx(ranges[1], rel=1e-6)  # as large as without a limit
+
+
 @pytest.mark.parametrize("control", ["pd", "computed-torque"])
 def test_the_virtual_robot_holds_the_joints_that_stand(folder, tmp_path, control):
     """The observer of a joint without reference motion used to be so slow that its loop was unstable."""
