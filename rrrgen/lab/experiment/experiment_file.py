@@ -444,6 +444,8 @@ class _ExperimentReader(Reader):
         if ("kp" in values) != ("kd" in values):
             self.faults.error(node, f"{what} needs both kp and kd, or a bandwidth")
         entries = read_entries(node, what, FaultList(self.faults.file, "")) or {}
+        if "bandwidth" in values and {"kp", "kd"} & set(values):
+            self.faults.error(entries["bandwidth"][0], "bandwidth has no effect beside kp and kd", "state one of them")
         places = {key: self.faults.fault(entries[key][0], "", "", 0, "warning") for key in values}
         return ControlSection(**{key: value for key, value in values.items() if value is not None}, places=places)
 

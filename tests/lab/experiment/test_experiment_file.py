@@ -125,3 +125,10 @@ def test_signs_of_a_virtual_robot_and_its_control_are_checked_in_place(section: 
     """A negative torque limit held every torque at its value."""
     with pytest.raises(InputError, match=rf"mine.yaml:2:\d+: error: {key.split(':')[0]} must {fault}"):
         loads_experiment(f"schema: rrrgen-experiment/1\n{section}: {{{key}}}\n", 3, "mine.yaml")
+
+
+def test_gains_beside_a_bandwidth_are_a_fault_in_place() -> None:
+    """The bandwidth was ignored."""
+    text = "schema: rrrgen-experiment/1\ncontrol: {kp: 90, kd: 20, bandwidth: 5 Hz}\n"
+    with pytest.raises(InputError, match=r"mine.yaml:2:27: error: bandwidth has no effect beside kp and kd"):
+        loads_experiment(text, 3, "mine.yaml")
