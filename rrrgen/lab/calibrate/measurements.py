@@ -226,6 +226,7 @@ def table_of_arrays(arrays: Mapping[str, Any], joints: Sequence[str]) -> Measure
             T = np.asarray(values, float)
             if T.ndim != 3 or T.shape[1:] != (4, 4):
                 raise InputError(f"'poses' has the shape {T.shape}, not (N, 4, 4)")
+            _check_rotations(T[:, :3, :3])
             columns |= zip((*POSITION, *QUATERNION), [*T[:, :3, 3].T, *_quaternions(T[:, :3, :3]).T], strict=True)
         else:
             columns[key] = np.ravel(values)
@@ -234,6 +235,14 @@ def table_of_arrays(arrays: Mapping[str, Any], joints: Sequence[str]) -> Measure
         raise InputError(f"the columns have different lengths: {', '.join(f'{k} {n}' for k, n in lengths.items())}")
     rows = [[str(value) for value in row] for row in zip(*columns.values(), strict=True)]
     return _table([list(columns), *rows], list(range(len(rows) + 1)), Path("arrays"), joints)
+
+
+def _check_rotations(R: Array) -> None:
+    """Raise InputError for the first of the matrices (N, 3, 3) that is no rotation; what is not finite passes."""
+    misses = np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0)
+    for k in np.flatnonzero((misses > UNIT_NORM) | (np.linalg.det(R) < 0.0)):
+        what = f"R R^T misses the unit matrix by {misses[k]:.2g}" if misses[k] > UNIT_NORM else "it is a reflection"
+        raise InputError(f"'poses' has no rotation at index {k}: {what}")
 
 
 def _quaternions(R: Array) -> Array:

@@ -6,6 +6,7 @@ import pytest
 import rrrgen
 from lab.calibrate.virtual import measure, off_the_table, positions
 from lab.studies.commands import printed_json
+from rrrgen.base.errors import InputError
 from rrrgen.lab.calibrate.geometry import rotation_vectors
 from rrrgen.lab.calibrate.measurements import table_of_arrays
 
@@ -71,3 +72,17 @@ def rotated(w):
 def test_arrays_that_are_no_measurements_are_refused(arrays, change, message):
     with pytest.raises(rrrgen.InputError, match=message):
         rrrgen.calibrate("scara", {**arrays, **change})
+
+
+@pytest.mark.parametrize(
+    ("matrix", "fault"),
+    [(1.1 * np.eye(3), "misses the unit matrix by 0.21"), (np.diag([1.0, 1.0, -1.0]), "reflection")],
+)
+def test_poses_without_a_rotation_are_refused(matrix, fault):
+    """A scaled rotation was taken for the nearest rotation in silence."""
+    T = np.tile(np.eye(4), (20, 1, 1))
+    T[:, :3, :3] += 1e-4  # rounded decimals are taken
+    assert len(table_of_arrays({"q": np.zeros((20, 1)), "poses": T}, ["q1"]).values) == 20
+    T[7, :3, :3] = matrix
+    with pytest.raises(InputError, match=f"'poses' has no rotation at index 7: .*{fault}"):
+        table_of_arrays({"q": np.zeros((20, 1)), "poses": T}, ["q1"])
