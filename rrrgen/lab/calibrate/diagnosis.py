@@ -50,9 +50,10 @@ def mistakes(table: MeasurementTable, nominal: Geometry) -> Iterator[Mistake]:
 
 
 def _units(table: MeasurementTable, nominal: Geometry) -> Iterator[Mistake]:
-    """Units of joint angles, of lengths, and of measured angles, alone and together."""
+    """Units of joint angles, of sliding joints, of lengths, and of measured angles, alone and together."""
     names, joints = table.names, table.joints
     turning = [j for j, turns in zip(joints, nominal.turning(), strict=True) if turns]
+    sliding = [j for j in joints if j not in turning]
     lengths = [k for k, name in enumerate(names) if name in (*POSITION, "distance", "height") and k not in joints]
     angles = [k for k, name in enumerate(names) if name in ANGLES and k not in joints and table.kind == "pose"]
     rad = [("deg", np.pi / 180, ""), ("rad", 180 / np.pi, "deg")]
@@ -61,6 +62,7 @@ def _units(table: MeasurementTable, nominal: Geometry) -> Iterator[Mistake]:
         [(what, columns, *conversion) for conversion in units]
         for what, columns, units in (
             ("joint positions", turning, rad),
+            ("sliding joints", sliding, m),
             ("lengths", lengths, m),
             ("rotation angles", angles, rad),
         )

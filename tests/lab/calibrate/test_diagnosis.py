@@ -45,6 +45,22 @@ def test_measurements_of_another_robot_are_refused_with_the_mistake(case, tmp_pa
     assert MISTAKES[case][1] in str(caught.value)
 
 
+@pytest.mark.parametrize("lengths", [False, True])
+def test_a_slide_in_mm_is_found(lengths, tmp_path):
+    """The third joint of the SCARA slides; its unit was taken for right, and nothing fitted."""
+    spec, random = load_spec("scara"), np.random.default_rng(1)
+    nominal, true = off_the_table(spec, random)
+    q = positions(spec, 30, random)
+    changes = {"q3": lambda x: 1e3 * x} | (MILLIMETRES if lengths else {})
+    table = written(tmp_path / "m.csv", q, measure("pose", true, q, random).values, **changes)
+    with pytest.raises(InputError) as caught:
+        estimate_checked(nominal, table.measurements(NOISE, 1e-4), table)
+    expected = (
+        "sliding joints in mm and lengths in mm" if lengths else "they fit with sliding joints in mm: write units"
+    )
+    assert expected in str(caught.value)
+
+
 def test_columns_that_were_exchanged_are_found(tmp_path):
     spec, random = load_spec("rrr"), np.random.default_rng(1)
     nominal, true = off_the_table(spec, random)
