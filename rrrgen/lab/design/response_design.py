@@ -83,8 +83,10 @@ def _middle(spec: RobotSpec) -> tuple[float, ...]:
     posture = []
     for joint in spec.joints:
         lower, upper = joint.limits.lower, joint.limits.upper
-        outside = lower is not None and upper is not None and not float(lower) < 0.0 < float(upper)
-        posture.append(0.5 * (float(lower) + float(upper)) if outside else 0.0)
+        if lower is None or upper is None or float(lower) < 0.0 < float(upper):
+            posture.append(0.0)
+        else:
+            posture.append(0.5 * (float(lower) + float(upper)))
     return tuple(posture)
 
 

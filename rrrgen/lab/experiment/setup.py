@@ -75,13 +75,13 @@ def limited_spec(experiment: Experiment, spec: RobotSpec) -> RobotSpec:
         )
     joints = []
     for i, joint in enumerate(spec.joints):
-        own = joint.limits
-        lower = _tighter(max, own.lower, limits.position_lower, i)
-        upper = _tighter(min, own.upper, limits.position_upper, i)
+        of_robot = joint.limits
+        lower = _tighter(max, of_robot.lower, limits.position_lower, i)
+        upper = _tighter(min, of_robot.upper, limits.position_upper, i)
         if lower is not None and upper is not None and lower >= upper:
             raise InputError(f"the limits of the excitation leave joint {joint.name} no range within the robot file's")
-        sizes = {name: _tighter(min, getattr(own, name), getattr(limits, key), i) for name, key in LIMITED.items()}
-        joints.append(replace(joint, limits=replace(own, lower=lower, upper=upper, **sizes)))
+        sizes = {name: _tighter(min, getattr(of_robot, name), getattr(limits, key), i) for name, key in LIMITED.items()}
+        joints.append(replace(joint, limits=replace(of_robot, lower=lower, upper=upper, **sizes)))
     return replace(spec, joints=tuple(joints))
 
 
