@@ -7,7 +7,7 @@ import pytest
 
 import rrrgen
 from lab.experiment.whole_file import FULL
-from rrrgen.base.errors import InputError
+from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.lab.experiment.experiment_file import loads_experiment
 from rrrgen.lab.experiment.loop_design import design_loop
@@ -127,3 +127,10 @@ def test_rotors_take_the_place_of_the_drive_inertia(tmp_path) -> None:
         for text in (control, rotors + control)
     ]
     assert np.abs(runs[0].true_q - runs[1].true_q).max() < 1e-4
+
+
+def test_a_writing_plane_out_of_reach_is_named_by_the_point_of_the_tip(model) -> None:
+    experiment = loads_experiment("schema: rrrgen-experiment/1\nwriting: {plane: {y: -3}}\n", 3)
+    path = writing_path(experiment, model)
+    with pytest.raises(DerivationError, match=r"the tip cannot reach \[.*, -3.0, .*\] m"):
+        path.evaluate(np.zeros(1))
