@@ -29,8 +29,8 @@ FORMATS = ("mjcf", "open_symoro", "ur_calibration", "urdf")
 class Imported:
     """A robot from a file of another format: its description, its robot file as text, notes on what is left out.
 
-    ``source`` is the text that was read. ``chain`` says which part was taken, for formats that describe a tree of
-    bodies.
+    ``source`` is the text that was read, with names for the bodies and joints that it leaves without one. ``chain``
+    says which part was taken, for formats that describe a tree of bodies.
     """
 
     spec: RobotSpec
@@ -95,7 +95,7 @@ def import_robot(
         faults.error(robot.place, fault[0], f"{fault[1]}; give another with --name")
         faults.raise_errors()
     written = _write_and_read_back(spec, importer.name, file, tuple(sorted(faults.warnings)))
-    return replace(written, chain=robot.chain, source=text)
+    return replace(written, chain=robot.chain, source=robot.text or text)
 
 
 def _choose(text: str, file: str, form: str | None) -> Importer:

@@ -82,12 +82,14 @@ class ImportedChain:
 class Found:
     """The result of an importer: the robot, and ``chain``, which is None where the format describes one chain only.
 
-    ``place`` is that of the robot's name in the file, if the file states one.
+    ``place`` is that of the robot's name in the file, if the file states one. ``text`` is the text of the file with
+    the names that ``chain`` uses, where the file leaves names out; it is empty otherwise.
     """
 
     spec: RobotSpec
     chain: ImportedChain | None = None
     place: Place | None = None
+    text: str = ""
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ from rrrgen.robot.importers.trees.exact_numbers import (
     without_noise,
 )
 from rrrgen.robot.importers.trees.serial_chain import MAX_NAMED, motion
-from rrrgen.robot.importers.trees.xml import Element, Values, parse_xml, refuse_repeated, refuse_unknown
+from rrrgen.robot.importers.trees.xml import Element, Values, parse_xml, refuse_repeated, refuse_unknown, xml_text
 from rrrgen.robot.spec import DriveSpec, FrictionSpec, Limits
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -388,6 +388,7 @@ def _read(source: Source, faults: FaultList) -> Found | None:
     refuse_unknown(described, ATTRIBUTES, (), faults)
     values = Values(faults, source.chain.angle_tolerance)
     reader = _MjcfReader(root, values, {source.chain.base, source.chain.tip} - {""})
+    invented = _name_the_unnamed(world)
     reader.read_body(world, WORLD, "main")
     reader.read_equalities(root)
     if not source.chain.tip:
@@ -405,7 +406,32 @@ def _read(source: Source, faults: FaultList) -> Found | None:
         actuators.shafts,
         root.place,
     )
-    return robot_of_tree(tree, source, values.rounded, faults)
+    robot = robot_of_tree(tree, source, values.rounded, faults)
+    return replace(robot, text=xml_text(root)) if robot is not None and invented else robot
+
+
+def _name_the_unnamed(world: Element) -> bool:
+    """Give every body and joint a name, which the format does not demand; returns whether there was one without.
+
+    A body is called by its number in the file, which is that of MuJoCo, a joint by its body and its number there.
+    """
+    bodies = [element for element in world.walk() if element.tag == "body"]
+    joints = {id(body): [child for child in body.children if child.tag in ("joint", "freejoint")] for body in bodies}
+    used = {element.attributes.get("name", "") for body in bodies for element in (body, *joints[id(body)])}
+    invented = False
+    for number_of_body, body in enumerate(bodies, 1):
+        names = [(body, f"body {number_of_body}")]
+        names += [(joint, f"_joint{k}") for k, joint in enumerate(joints[id(body)], 1)]
+        for element, name in names:
+            if element.attributes.get("name", "").strip():
+                continue
+            name = name if element is body else body.attributes["name"] + name
+            while name in used:
+                name += "_"
+            used.add(name)
+            element.attributes["name"] = name
+            invented = True
+    return invented
 
 
 class _MjcfReader:
@@ -472,8 +498,7 @@ class _MjcfReader:
 
     def _body(self, element: Element, parent: str, inherited: str, frame: Array) -> None:
         inherited = element.attributes.get("childclass", inherited)
-        name = element.attributes.get("name", "")
-        name = name or f"body {len(self.bodies)}"
+        name = element.attributes["name"]
         if name in self.bodies:
             self.faults.error(element.place, f"there are two bodies '{name}'", "names are unique")
             return
@@ -482,25 +507,23 @@ class _MjcfReader:
             self.faults.warning(element.place_of("gravcomp"), message, "torques are those without it")
         place = frame @ pose(element, self.settings, self.values)
         joints = [child for child in element.children if child.tag in ("joint", "freejoint")]
-        for k, child in enumerate(joints):
-            parent, place = self._joint(child, parent, place, name, k, inherited)
+        for child in joints:
+            parent, place = self._joint(child, parent, place, name, inherited)
         self._fix(f"{name} on {parent}", parent, name, place, element)
         self.read_body(element, name, inherited)
 
     def _fix(self, name: str, parent: str, child: str, origin: Array, element: Element) -> None:
         self.joints[name] = TreeJoint(name, "fixed", parent, child, origin, vector((0, 0, 1)), element.place)
 
-    def _joint(
-        self, given: Element, parent: str, place: Array, owner: str, k: int, inherited: str
-    ) -> tuple[str, Array]:
+    def _joint(self, given: Element, parent: str, place: Array, owner: str, inherited: str) -> tuple[str, Array]:
         """Read one joint of the body ``owner``; an MJCF body may have several, stacked one behind the other.
 
-        It becomes joint number ``k`` (from 0) of the owner, between the body ``parent`` and a new massless body;
-        ``place`` is the owner's pose in ``parent``. Returns the new body's name and the owner's pose in it.
+        It becomes a joint between the body ``parent`` and a new massless body; ``place`` is the owner's pose in
+        ``parent``. Returns the new body's name and the owner's pose in it.
         """
         element = self.settings.with_defaults(given, inherited)
         word = "free" if given.tag == "freejoint" else element.attributes.get("type", "hinge")
-        name = element.attributes.get("name", "").strip() or f"{owner}_joint{k + 1}"
+        name = element.attributes["name"].strip()
         if word not in KINDS or name in self.joints:
             wrong = f"the type of joint '{name}' is '{word}'" if word not in KINDS else f"there are two joints '{name}'"
             self.faults.error(given.place_of("type"), wrong, f"types are {', '.join(KINDS)}; names are unique")

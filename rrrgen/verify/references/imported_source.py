@@ -148,11 +148,19 @@ class _MujocoSource:
             reason = str(error).strip().splitlines()[0]
             raise ReferenceUnavailableError(f"{self.name} cannot load the file alone: {reason}") from error
         self._data = mujoco.MjData(self._model)
+        unknown = [name for name in (chain.base, chain.tip) if not self._has(name, "BODY", "SITE")]
+        unknown += [name for name in (*chain.joints, *chain.held) if not self._has(name, "JOINT")]
+        if unknown:  # such as static bodies with fusestatic
+            raise ReferenceUnavailableError(f"{self.name} reads the file without {', '.join(unknown)}")
         self._ends = [self._end(name) for name in (chain.base, chain.tip)]
         self._joints = [self._model.joint(name) for name in chain.joints]
         held = [(self._model.joint(name), value) for name, value in chain.held.items()]
         single = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
         self._held = [(joint, value) for joint, value in held if joint.type[0] in single]
+
+    def _has(self, name: str, *kinds: str) -> bool:
+        kind_numbers = (getattr(self._mujoco.mjtObj, f"mjOBJ_{kind}") for kind in kinds)
+        return any(self._mujoco.mj_name2id(self._model, kind, name) >= 0 for kind in kind_numbers)
 
     def _end(self, name: str) -> Any:
         body = self._mujoco.mj_name2id(self._model, self._mujoco.mjtObj.mjOBJ_BODY, name)

@@ -168,6 +168,38 @@ def test_a_joint_with_an_empty_name_has_none(name, tmp_path):
     assert import_robot(write(tmp_path, text)).spec.joints[1].name == "lower_joint1"
 
 
+UNNAMED = """<mujoco model="unnamed"><worldbody>
+  <body name="crate"><freejoint/><geom size=".1"/></body>
+  <body name="b1"><joint name=" " axis="0 0 1"/><geom size=".1" pos=".2 0 0"/>
+    <body name="" pos=".3 0 0"><joint axis="0 1 0"/><joint type="slide" axis="1 0 0"/><geom size=".1" pos=".2 0 0"/>
+      <body pos="0 0 .1"><geom size=".2" pos="0 .1 0"/></body></body></body></worldbody></mujoco>"""
+
+
+def test_names_are_optional(tmp_path):
+    """Bodies without a name have the number that MuJoCo gives them, also a free one beside the chain."""
+    found = import_robot(write(tmp_path, UNNAMED), chain=ChainChoice(base="b1", tip="body 4"))
+    assert found.chain.joints == ("body 3_joint1", "body 3_joint2")
+    assert "crate_joint1" in found.chain.held
+    pytest.importorskip("mujoco")
+    for chain in (ChainChoice(base="b1", tip="body 4"), ChainChoice(tip="body 3")):
+        compared = compare_with_source(import_robot(tmp_path / "arm.xml", chain=chain))
+        assert compared.torque is not None, compared
+        assert max(compared.pose, compared.torque) < AGREE
+
+
+def test_invented_names_are_none_of_the_file(tmp_path):
+    text = UNNAMED.replace("crate", "body 3").replace('axis="0 1 0"', 'axis="0 1 0" name="b1_joint1"')
+    found = import_robot(write(tmp_path, text), chain=ChainChoice(tip="body 4"))
+    assert found.chain.joints == ("b1_joint1_", "b1_joint1", "body 3__joint2")
+
+
+def test_a_body_that_mujoco_fuses_is_not_compared(tmp_path):
+    pytest.importorskip("mujoco")
+    text = UNNAMED.replace("<worldbody>", '<compiler fusestatic="true"/><worldbody>')
+    compared = compare_with_source(import_robot(write(tmp_path, text), chain=ChainChoice(tip="body 4")))
+    assert "reads the file without body 4" in str(compared)
+
+
 def test_attributes_are_those_of_mujoco():
     """Every word of the schema that MuJoCo prints for these elements is read or left out, none is a fault."""
     mujoco = pytest.importorskip("mujoco")

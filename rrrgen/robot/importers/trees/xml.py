@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import Any
 from xml.parsers import expat
+from xml.sax.saxutils import escape, quoteattr
 
 from rrrgen.base.yamltext.document import FaultList, Place, shorten
 from rrrgen.base.yamltext.suggestions import did_you_mean
@@ -57,6 +58,13 @@ class Element:
         yield self
         for child in self.children:
             yield from child.walk()
+
+
+def xml_text(element: Element) -> str:
+    """The text of an element and everything below it, without the line breaks between elements."""
+    attributes = "".join(f" {name}={quoteattr(value)}" for name, value in element.attributes.items())
+    inside = escape(element.text.strip()) + "".join(xml_text(child) for child in element.children)
+    return f"<{element.tag}{attributes}>{inside}</{element.tag}>"
 
 
 class _TooLargeError(Exception):
