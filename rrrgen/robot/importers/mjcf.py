@@ -73,6 +73,9 @@ class Settings:
         for option in root.all("option"):
             if "gravity" in option.attributes:
                 self.gravity = vector(values.three(option, "gravity"))
+        self.disabled = _disabled(root)
+        if "gravity" in self.disabled:
+            self.gravity = vector((0, 0, 0))
         self.defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
         for default in root.all("default"):
             self._read_class(default, None)
@@ -109,6 +112,13 @@ class Settings:
         return Element(
             element.tag, {**chosen, **element.attributes}, element.place, element.children, places=element.places
         )
+
+
+def _disabled(root: Element) -> set[str]:
+    """The parts of the physics that the last flag of the file about them disables."""
+    flags = [flag for option in root.all("option") for flag in option.all("flag")]
+    last = {key: value for flag in flags for key, value in flag.attributes.items()}
+    return {key for key, value in last.items() if value == "disable"}
 
 
 def pose(element: Element, settings: Settings, values: Values) -> Array:

@@ -258,3 +258,23 @@ def test_a_joint_called_null_gets_another_name(tmp_path):
     imported = import_robot(tmp_path / "arm.xml")
     assert imported.spec.joints[0].name == "q1"
     assert any("joint 'null' is called q1" in note.message for note in imported.notes)
+
+
+PENDULUM = """<mujoco model="arm"><worldbody><body name="upper"><joint name="lift" axis="0 1 0"/>
+  <geom size="0.1" pos="0.3 0 0"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("option", "gravity"),
+    [
+        ('<option gravity="0 1 -9"><flag gravity="disable"/></option>', (0, 0, 0)),
+        ('<option gravity="0 1 -9"><flag gravity="enable"/></option>', (0, 1, -9)),
+        ('<option><flag gravity="disable"/></option><option><flag gravity="enable"/></option>', (0, 0, -9.81)),
+        ('<option><flag gravity="disable"/></option><option gravity="0 1 -9"/>', (0, 0, 0)),
+    ],
+)
+def test_gravity_can_be_disabled(option, gravity, tmp_path):
+    found = import_robot(write(tmp_path, PENDULUM.replace("<worldbody>", option + "<worldbody>")))
+    assert tuple(map(float, found.spec.gravity)) == gravity
+    pytest.importorskip("mujoco")
+    assert compare_with_source(found).torque < AGREE
