@@ -69,11 +69,12 @@ def import_robot(
     angle_tolerance: float,
     force: bool,
     verbose: bool,
-) -> None:
+) -> int:
     """Write a robot file from a file of another program.
 
     Whatever a robot file cannot represent is listed in the output; if leaving it out would change how the robot
-    moves, the import is refused. Values are in SI units and rad, or have a unit.
+    moves, the import is refused. Where Pinocchio (URDF) or MuJoCo (MJCF) is installed, the robot is compared with
+    its reading of the file; exits with 1 if they move differently. Values are in SI units and rad, or have a unit.
 
     \b
     Examples:
@@ -95,15 +96,24 @@ def import_robot(
         raise InputError([Fault(str(path), 0, 0, "the file exists already", hint="--force overwrites it")])
     write_file(path, imported.text)
     say(f"{path} written from {imported.format}; next: rrrgen check {path}, rrrgen show {path}")
+    contradictions = ""
     if imported.chain is not None:
         from rrrgen.verify.references.imported_source import compare_with_source
 
-        say(str(compare_with_source(imported)))
+        compared = compare_with_source(imported)
+        contradictions = compared.contradictions
+        say(str(compared))
     shapes = [note for note in imported.notes if note.message.startswith(SHAPES)]
     for note in imported.notes if verbose else (note for note in imported.notes if note not in shapes):
         click.echo(fault_text(note), err=True)
     if shapes and not verbose:
         click.echo(f"{_shapes_in(imported.source)} left out (--verbose lists them)", err=True)
+    if not contradictions:
+        return 0
+    hint = "what is left out may explain it; do not rely on this file before it is explained"
+    message = f"the robot file does not move as {file}: {contradictions}"
+    click.echo(fault_text(Fault(str(path), 0, 0, message, hint=hint, severity="warning")), err=True)
+    return 1
 
 
 SHAPES = ("<visual> is left out", "<collision> is left out")

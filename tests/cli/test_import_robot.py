@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from rrrgen.cli.main import run
@@ -73,6 +75,34 @@ def test_a_chain_of_a_urdf_is_compared_with_its_source(folder, capsys):
     assert run(["import", "arm.urdf", "--tip", "l3", "--force"]) == 3
     assert "there is no link 'l3'" in capsys.readouterr().err
     assert run(["import", "slider.par", "--tip", "l3"]) == 3
+
+
+MESH = """<mujoco model="arm"><asset><mesh name="m" vertex="0 0 0 .1 0 0 0 .1 0 0 0 .1"/></asset>
+<worldbody><body name="a"><joint name="j" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/>{}</body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("left_out", [False, True])
+def test_a_robot_that_moves_otherwise_is_a_failed_check(folder, capsys, left_out):
+    """Here it is a mesh whose points stand in the file: MuJoCo knows its inertia."""
+    pytest.importorskip("mujoco")
+    geom = '<geom type="mesh" mesh="m" pos=".5 0 0"/>' if left_out else ""
+    (folder / "arm.xml").write_text(MESH.format(geom), encoding="utf-8")
+    assert run(["import", "arm.xml"]) == (1 if left_out else 0)
+    said = capsys.readouterr()
+    assert load_spec("./arm.yaml").n == 1
+    assert ("torques agree to" in said.out, "torques differ by 6.7e-02" in said.out) == (not left_out, left_out)
+    assert ("arm.yaml: warning: the robot file does not move as arm.xml: torques differ" in said.err) == left_out
+    assert said.err.index("the inertia of a mesh is left out") if left_out else True
+
+
+def test_rounded_angles_explain_a_difference(folder, capsys):
+    pytest.importorskip("mujoco")
+    text = MESH.format('<body name="b" pos=".4 0 0" euler="0.03 0.02 0"><joint name="k"/><geom size=".1 .2"/></body>')
+    (folder / "arm.xml").write_text(text, encoding="utf-8")
+    assert run(["import", "arm.xml", "--angle-tolerance", "1e-3"]) == 0
+    said = capsys.readouterr()
+    assert re.search(r"poses agree to \d\.\de-04, torques agree to", said.out)
+    assert "taken as" in said.err
 
 
 SHAPED = """<robot name="shaped"><link name="b"><visual/><visual /><collision/></link>

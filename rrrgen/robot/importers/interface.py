@@ -66,7 +66,8 @@ class ImportedChain:
 
     ``offsets`` are the displacements (rad, m) of the moving joints at q = 0; they are not zero for some joints that
     follow others. ``rows`` are the numbers (from 0) of the moving joints' rows in the table, which may have fixed rows
-    besides. ``tips`` maps the names of all tips to their links where the robot branches.
+    besides. ``tips`` maps the names of all tips to their links where the robot branches. ``rounded`` is the sum of the
+    changes (rad) that made angles exact.
     """
 
     base: str
@@ -76,6 +77,7 @@ class ImportedChain:
     offsets: tuple[float, ...] = ()
     rows: tuple[int, ...] = ()
     tips: Mapping[str, str] = field(default_factory=dict)
+    rounded: float = 0.0
 
 
 @dataclass(frozen=True)

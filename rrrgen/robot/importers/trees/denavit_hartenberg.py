@@ -314,7 +314,8 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
     if chain is None:
         return None
     table = denavit_hartenberg(chain, choice.convention, choice.angle_tolerance, fixed_rows=True)
-    warn_of_rounded_angles(map(float, [*rounded, *table.rounded]), choice.angle_tolerance, faults)
+    changes = [float(change) for change in (*rounded, *table.rounded)]
+    warn_of_rounded_angles(changes, choice.angle_tolerance, faults)
     _tell_about_distance(chain, table, faults)
     _tell_about_held(chain, faults)
     names = _joint_names(chain, faults)
@@ -350,7 +351,7 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
     moving = tuple(chain_joint.joint.name for chain_joint in chain.joints)
     places = tuple(i for i, row in enumerate(table.rows) if row.joint is not None)
     links_of_tips = dict(zip(tips, table.tips, strict=True))
-    imported = ImportedChain(chain.base, chain.tip, moving, held, offsets, places, links_of_tips)
+    imported = ImportedChain(chain.base, chain.tip, moving, held, offsets, places, links_of_tips, sum(changes))
     return Found(spec, imported, tree.place)
 
 
