@@ -67,9 +67,12 @@ class Settings:
         self.sequence = stated.get("eulerseq", "xyz")
         self.auto_limits = stated.get("autolimits", "true") == "true"
         self.from_geoms = stated.get("inertiafromgeom", "auto")
+        self.massive_groups = [number(0), number(5)]
         self.gravity = vector((0, 0, "-9.81"))
         for compiler in compilers:
             self._check(compiler, values)
+            if "inertiagrouprange" in compiler.attributes:
+                self.massive_groups = values.numbers(compiler, "inertiagrouprange", 2) or self.massive_groups
         for option in root.all("option"):
             if "gravity" in option.attributes:
                 self.gravity = vector(values.three(option, "gravity"))
@@ -267,7 +270,10 @@ MASSLESS = ("plane", "hfield")
 
 
 def body_inertia(element: Element, inherited: str, settings: Settings, values: Values) -> Inertia | None:
-    """The inertia of a body in its frame; None where it has none, or only meshes."""
+    """The inertia of a body in its frame; None where it has none, or only meshes.
+
+    Geoms of groups outside ``settings.massive_groups`` do not count.
+    """
     stated = element.child("inertial")
     if stated is not None and settings.from_geoms != "true":
         return _read_inertial(stated, settings, values)
@@ -275,7 +281,11 @@ def body_inertia(element: Element, inherited: str, settings: Settings, values: V
         return None
     total: Inertia | None = None
     for geom, frame, place_class in _geoms(element, inherited, identity(), settings, values):
-        geom_inertia = _geom(settings.with_defaults(geom, place_class), frame, settings, values)
+        complete = settings.with_defaults(geom, place_class)
+        lowest, highest = settings.massive_groups
+        if not lowest <= values.one(complete, "group", "0") <= highest:
+            continue
+        geom_inertia = _geom(complete, frame, settings, values)
         if geom_inertia is not None:
             total = geom_inertia if total is None else total + geom_inertia
     return total

@@ -278,3 +278,16 @@ def test_gravity_can_be_disabled(option, gravity, tmp_path):
     assert tuple(map(float, found.spec.gravity)) == gravity
     pytest.importorskip("mujoco")
     assert compare_with_source(found).torque < AGREE
+
+
+GROUPS = """<mujoco model="arm"><compiler inertiagrouprange="{}"/><default><default class="looks"><geom group="2"/></default>
+  </default><worldbody><body name="upper"><joint name="lift" axis="0 1 0"/><geom class="looks" size=".2" pos=".5 0 0"/>
+  <geom group="3" size=".1" pos=".1 0 0"/><geom size=".15"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("groups", "radii"), [("3 3", [0.1]), ("0 2", [0.2, 0.15]), ("0 5", [0.2, 0.1, 0.15])])
+def test_geoms_of_other_groups_have_no_mass(groups, radii, tmp_path):
+    found = import_robot(write(tmp_path, GROUPS.format(groups)))
+    assert found.spec.links[0].mass == pytest.approx(sum(1000 * 4 / 3 * np.pi * r**3 for r in radii))
+    pytest.importorskip("mujoco")
+    assert compare_with_source(found).torque < AGREE
