@@ -22,6 +22,7 @@ from rrrgen.robot.importers.interface import Found, Importer, Source
 from rrrgen.robot.importers.trees.bodies import (
     SIZES,
     Body,
+    Constraint,
     Inertia,
     Mimic,
     Shaft,
@@ -109,9 +110,12 @@ class Settings:
         for child in element.all("default"):
             self._read_class(child, name)
 
-    def with_defaults(self, element: Element, inherited: str) -> Element:
-        """Complete ``element`` by the defaults of its class, or of the class ``inherited`` from bodies around it."""
-        chosen = self.defaults.get(element.attributes.get("class", inherited), {}).get(element.tag, {})
+    def with_defaults(self, element: Element, inherited: str, tag: str = "") -> Element:
+        """Complete ``element`` by the defaults of its class, or of the class ``inherited`` from bodies around it.
+
+        They are those for elements with the same tag, or with ``tag`` where defaults have one tag for several.
+        """
+        chosen = self.defaults.get(element.attributes.get("class", inherited), {}).get(tag or element.tag, {})
         return Element(
             element.tag, {**chosen, **element.attributes}, element.place, element.children, places=element.places
         )
@@ -425,6 +429,7 @@ def _read(source: Source, faults: FaultList) -> Found | None:
         reader.settings.gravity,
         actuators.shafts,
         root.place,
+        tuple(reader.constraints),
     )
     robot = robot_of_tree(tree, source, values.rounded, faults)
     return replace(robot, text=xml_text(root)) if robot is not None and invented else robot
@@ -463,6 +468,9 @@ class _MjcfReader:
         self.bodies: dict[str, Body] = {}
         self.joints: dict[str, TreeJoint] = {}
         self.ref: dict[str, Any] = {}
+        self.constraints: list[Constraint] = []
+        self.body_of_site: dict[str, str] = {}
+        self.mocap: set[str] = set()
         self.sites: dict[str, list[tuple[Element, Array]]] = {}
         """The named sites on each body that are no ends yet, with their poses (4, 4) in it."""
 
@@ -489,6 +497,7 @@ class _MjcfReader:
                 self._body(child, parent, inherited, frame)
             elif child.tag == "site" and child.attributes.get("name"):
                 place = frame @ pose(self.settings.with_defaults(child, inherited), self.settings, self.values)
+                self.body_of_site[child.attributes["name"]] = parent
                 if child.attributes["name"] in self.ends:
                     self._fixed_end(child, parent, place)
                 else:
@@ -522,6 +531,8 @@ class _MjcfReader:
         if name in self.bodies:
             self.faults.error(element.place, f"there are two bodies '{name}'", "names are unique")
             return
+        if element.attributes.get("mocap", "false") == "true":
+            self.mocap.add(name)
         if self.values.one(element, "gravcomp", "0") != 0:
             message = f"the compensation of gravity of '{name}' is left out"
             self.faults.warning(element.place_of("gravcomp"), message, "torques are those without it")
@@ -600,19 +611,50 @@ class _MjcfReader:
         return DriveSpec(inertia=armature) if armature else None
 
     def read_equalities(self, root: Element) -> None:
-        """Read linear equalities between two joints as one joint following the other; others cause a warning."""
-        for element in (child for part in root.all("equality") for child in part.children):
+        """Read linear equalities between two joints as one joint following the other.
+
+        Others between bodies become ``constraints``; the rest and those that are not active cause a warning.
+        """
+        for given in (child for part in root.all("equality") for child in part.children):
+            element = self.settings.with_defaults(given, "main", "equality")
+            if self.settings.disabled & {"equality", "constraint"} or element.attributes.get("active") == "false":
+                message = f"the equality <{element.tag}> is left out: it is not active"
+                self.faults.warning(element.place, message, "a robot file has those that are active")
+                continue
             first, second = (element.attributes.get(key, "") for key in ("joint1", "joint2"))
             c = self.values.numbers(element, "polycoef", None, "0 1 0 0 0") if element.tag == "joint" else None
             linear = c is not None and len(c) >= 2 and not any(x != 0 for x in c[2:])
             if element.tag == "joint" and linear and self._unknown(element, root):
                 continue
             if not linear or first not in self.joints or second not in self.joints or c is None:
+                if bodies := self._constrained(element):
+                    self.constraints.append(Constraint(f"equality <{element.tag}>", bodies, element.place))
+                    continue
                 hint = "a robot file couples joints linearly: <joint joint1= joint2= polycoef= />"
                 self.faults.warning(element.place, f"the equality <{element.tag}> is left out", hint)
                 continue
             offset = c[0] + self.ref[first] - c[1] * self.ref[second]  # in rad (m) whatever the unit of angles
             self.joints[first] = replace(self.joints[first], mimic=Mimic(second, c[1], offset))
+
+    def _constrained(self, element: Element) -> tuple[str, str] | None:
+        """The bodies between which an equality holds; None where there are none, and for bodies that a program moves.
+
+        An equality about a joint holds between the bodies at its sides.
+        """
+        joint = self.joints.get(element.attributes.get("joint1", "")) if element.tag == "joint" else None
+        if joint is not None:
+            return joint.parent, joint.child
+        if element.tag not in ("weld", "connect"):
+            return None
+        what, known = ("site", self.body_of_site) if "site1" in element.attributes else ("body", self.bodies)
+        ends = []
+        for key in (f"{what}1", f"{what}2"):
+            name = element.attributes.get(key, WORLD)
+            if name not in known:
+                self.faults.error(element.place_of(key), f"there is no {what} '{name}'", did_you_mean(name, known))
+                return None
+            ends.append(self.body_of_site[name] if what == "site" else name)
+        return None if self.mocap & set(ends) else (ends[0], ends[1])
 
     def _unknown(self, element: Element, root: Element) -> bool:
         """Whether an equality names a joint that the file does not have, which is a fault."""

@@ -291,3 +291,77 @@ def test_geoms_of_other_groups_have_no_mass(groups, radii, tmp_path):
     assert found.spec.links[0].mass == pytest.approx(sum(1000 * 4 / 3 * np.pi * r**3 for r in radii))
     pytest.importorskip("mujoco")
     assert compare_with_source(found).torque < AGREE
+
+
+COUPLED = """<mujoco model="arm"><compiler angle="radian"/>{before}<worldbody><site name="wall" pos="1 0 0"/>
+  <body name="a"><joint name="lead" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/>
+    <body name="b" pos=".4 0 0"><joint name="follow" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/>
+      <body name="left"><joint name="left"/><geom size=".01"/></body>
+      <body name="right"><joint name="right"/><geom size=".01"/></body><site name="hand" pos=".2 0 0"/></body></body>
+  <body name="crate" pos="1 0 0"><freejoint/><geom size=".1"/></body><body name="target" mocap="true"/></worldbody>
+  <equality>{equality}</equality></mujoco>"""
+JOINTS = '<joint joint1="follow" joint2="lead" polycoef="0.1 -2 0 0 0" {}/>'
+INACTIVE = {
+    "attribute": ("", JOINTS.format('active="false"')),
+    "flag": ('<option><flag equality="disable"/></option>', JOINTS.format("")),
+    "constraints": ('<option><flag constraint="disable"/></option>', JOINTS.format("")),
+    "default": ('<default><equality active="false"/></default>', JOINTS.format("")),
+    "class": ('<default><default class="c"><equality active="false"/></default></default>', JOINTS.format('class="c"')),
+    "weld": ("", '<weld body1="b" active="false"/>'),
+}
+
+
+def coupled(folder, equality, before="", **choice):
+    chain = ChainChoice(**{"tip": "b", **choice})
+    return import_robot(write(folder, COUPLED.format(before=before, equality=equality)), chain=chain)
+
+
+@pytest.mark.parametrize("case", INACTIVE)
+def test_inactive_equalities_couple_nothing(case, tmp_path):
+    before, equality = INACTIVE[case]
+    found = coupled(tmp_path, equality, before)
+    assert (found.spec.n, found.spec.mechanism) == (2, None)
+    assert "is left out: it is not active" in "\n".join(map(str, found.notes))
+
+
+def test_an_equality_of_a_class_may_be_active(tmp_path):
+    classes = '<default><equality active="false"/><default class="c"><equality active="true"/></default></default>'
+    found = coupled(tmp_path, JOINTS.format('class="c"'), classes)
+    assert found.spec.n == 1
+
+
+CLOSED = (
+    '<weld body1="b"/>',
+    '<weld body1="b" body2="world"/>',
+    '<weld site1="wall" site2="hand"/>',
+    '<connect body1="left" body2="a" anchor="0 0 0"/>',
+    '<joint joint1="follow" polycoef="0.3 0 0 0 0"/>',
+    '<joint joint1="follow" joint2="lead" polycoef="0 1 2 0 0"/>',
+)
+
+
+@pytest.mark.parametrize("equality", CLOSED)
+def test_equalities_that_hold_the_chain_are_refused(equality, tmp_path):
+    with pytest.raises(InputError, match=f"the equality {equality.split()[0]}> constrains joint '(lead|follow)'"):
+        coupled(tmp_path, equality)
+
+
+BESIDE = (
+    '<weld body1="b" body2="crate"/>',
+    '<weld body1="target" body2="b"/>',
+    '<connect body1="left" body2="right" anchor="0 0 0"/>',
+    '<joint joint1="left" joint2="lead" polycoef="0 1 2 0 0"/>',
+    '<weld body1="crate"/>',
+)
+
+
+@pytest.mark.parametrize("equality", BESIDE)
+def test_equalities_beside_the_chain_are_left_out(equality, tmp_path):
+    found = coupled(tmp_path, equality)
+    assert (found.spec.n, found.spec.mechanism) == (2, None)
+    assert f"the equality {equality.split()[0]}> is left out" in "\n".join(map(str, found.notes))
+
+
+def test_ends_of_an_equality_exist(tmp_path):
+    with pytest.raises(InputError, match="there is no body 'craet'"):
+        coupled(tmp_path, '<weld body1="b" body2="craet"/>')

@@ -114,11 +114,20 @@ class Shaft:
 
 
 @dataclass(frozen=True)
+class Constraint:
+    """A constraint ``name`` between two ``bodies`` that no joint of a robot file represents, such as a weld."""
+
+    name: str
+    bodies: tuple[str, str]
+    place: Place
+
+
+@dataclass(frozen=True)
 class Tree:
     """Bodies by name and the joints between them; ``root`` is the name of the body that no joint carries.
 
     ``gravity`` (3,), m/s^2, is in the frame of the root. ``shafts`` are motors that move several joints. ``place`` is
-    that of the element which names the robot.
+    that of the element which names the robot. ``constraints`` hold between bodies besides the joints.
     """
 
     name: str
@@ -128,6 +137,7 @@ class Tree:
     gravity: Array
     shafts: tuple[Shaft, ...] = ()
     place: Place | None = None
+    constraints: tuple[Constraint, ...] = ()
 
     def joint_above(self) -> dict[str, TreeJoint]:
         """The joint that carries each body but the root."""

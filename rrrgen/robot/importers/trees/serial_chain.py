@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -117,6 +117,7 @@ def serial_chain(tree: Tree, ends: Ends, faults: FaultList) -> SerialChain | Non
     on_chain = {joint.name: joint for way in moving.values() for joint, _ in way}
     for name, way in moving.items():
         _check_path(tree, base, name, way, on_chain, faults)
+    _check_constraints(tree, on_chain, faults)
     if faults.errors:
         return None
     beside = _beside(tree, held, set(on_chain), faults)
@@ -233,6 +234,23 @@ def _check_path(
         faults.error(place, f"no joint moves between '{base}' and '{tip}'", "choose other ends with --base and --tip")
     if len(moving) > MAX_JOINTS:
         faults.error(place, f"{len(moving)} joints between '{base}' and '{tip}'", f"at most {MAX_JOINTS}")
+
+
+def _check_constraints(tree: Tree, on_chain: Collection[str], faults: FaultList) -> None:
+    """Report constraints that close a loop through a joint of the chain as faults, and others as left out.
+
+    A loop through a free joint constrains nothing but the free body.
+    """
+    for constraint in tree.constraints:
+        loop = [joint for joint, _ in _path(tree, *constraint.bodies)]
+        inside = next((joint.name for joint in loop if joint.name in on_chain), None)
+        if inside is None or any(joint.kind == "free" for joint in loop):
+            hint = "it holds no joint of the chain"
+            faults.warning(constraint.place, f"the {constraint.name} is left out", hint)
+        else:
+            message = f"the {constraint.name} constrains joint '{inside}' of the chain"
+            hint = f"hold it with --hold {inside}=0, choose other ends, or delete the constraint"
+            faults.error(constraint.place, message, hint)
 
 
 def _leads_to_drive(joint: TreeJoint, on_chain: Mapping[str, TreeJoint]) -> bool:
