@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -25,41 +26,58 @@ from rrrgen.emit.targets.shared_libraries import platforms, shared_library, zip_
 from rrrgen.ik.result_layout import most_rows, reasons_of
 from rrrgen.robot.spec import RobotSpec
 
-_HASH_DIGITS = 12  # of the model's hash, in the version of the package
+_HASH_DIGITS = 12  # of the hash of the contents, in the version of the package: pip tells wheels apart by it
 
 
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
     chosen = platforms(options.platforms)
     words = tuple(word for word in options.further if word != "gravity")
     code = replace(emitted_code(spec, options.real, words, options.unit), further=options.further)
-    values = _values(code)
     modules = {"": code}
     if "gravity" in options.further:
         modules["any_gravity"] = any_gravity_code(spec, options.real, words)
+    controller: dict[str, Contents] = {}
+    if options.unit is not None:
+        controller = {"controller.py": options.unit.python, "controller.json": json.dumps(options.unit.description)}
+    release = f"{code.identity.tool_version}+{_contents_hash(modules, controller)}"
+    values = _values(code, release)
     files: dict[str, Contents] = {}
     for platform in chosen:
         package: dict[str, Contents] = {"py.typed": ""}
         for name, module in modules.items():
             stem = f"{values['package']}_{name}" if name else values["package"]  # any_gravity.so would be imported
             library = f"{stem}{platform.suffix}"
-            package[f"{name or '__init__'}.py"] = render("wheel/module.py.j2", **_values(module), library=library)
+            package[f"{name or '__init__'}.py"] = _module(module, release, library)
             package[library] = shared_library(module.files | loops(module), platform)
-        if options.unit is not None:
-            package |= {"controller.py": options.unit.python, "controller.json": json.dumps(options.unit.description)}
-        wheel = f"{values['package']}-{values['release']}-py3-none-{platform.tag}.whl"
-        files[wheel] = _wheel(values, platform.tag, package)
+        wheel = f"{values['package']}-{release}-py3-none-{platform.tag}.whl"
+        files[wheel] = _wheel(values, platform.tag, package | controller)
     readme = render("wheel/README.md.j2", **values, wheels=list(files))
     return Exported({**files, "README.md": readme})
 
 
-def _values(code: Code) -> dict[str, Any]:
-    spec, hashed = code.model.spec, code.identity.model_hash
+def _contents_hash(modules: Mapping[str, Code], controller: Mapping[str, Contents]) -> str:
+    """Hash what the package is made from, which is the same for all platforms: C and Python sources, description."""
+    sources = {f"controller/{name}": data for name, data in controller.items()}
+    for name, module in modules.items():
+        sources |= {f"{name}/{file}": data for file, data in (module.files | loops(module)).items()}
+        sources[f"{name}.py"] = _module(module, "", "")
+    sources["METADATA"] = render("wheel/METADATA.j2", **_values(modules[""], ""))
+    digests = "".join(f"{name},{_digest(data)}\n" for name, data in sorted(sources.items()))
+    return hashlib.sha256(digests.encode()).hexdigest()[:_HASH_DIGITS]
+
+
+def _module(code: Code, release: str, library: str) -> str:
+    return render("wheel/module.py.j2", **_values(code, release), library=library)
+
+
+def _values(code: Code, release: str) -> dict[str, Any]:
+    spec = code.model.spec
     solved = code.plan.solvable
     return {
         **code.naming,
         "package": f"{spec.name.lower()}_model",
         "distribution": f"{spec.name.lower()}-model",
-        "release": f"{code.identity.tool_version}+{hashed[:_HASH_DIGITS]}",
+        "release": release,
         "title": title(spec),
         "description": spec.description,
         "functions": described_functions(code),

@@ -20,6 +20,7 @@ from rrrgen.base.errors import InputError
 from rrrgen.base.version import VERSION
 from rrrgen.cli.main import run
 from rrrgen.emit.targets import shared_libraries
+from rrrgen.emit.targets import wheel as wheel_target
 from rrrgen.emit.targets.interface import ExportOptions
 from rrrgen.exporting import export_robot
 from rrrgen.robot.file import loads_spec
@@ -151,6 +152,42 @@ def test_the_readme_runs_for_an_arm_without_friction(tmp_path):
     (program,) = re.findall(r"```python\n(.*?)```", files["README.md"], re.S)
     assert "robot.computed_torque(" in program
     subprocess.run([sys.executable, "-c", program], cwd=tmp_path, check=True)
+
+
+def release(monkeypatch, spec=None, **options):
+    """The version of a wheel whose library is not compiled, as its file name and its module state it."""
+    with monkeypatch.context() as patch:
+        patch.setattr(wheel_target, "shared_library", lambda files, platform: b"")
+        files = export_robot(spec or arm(), "wheel", options=ExportOptions(**options)).files
+    wheels = {name: data for name, data in files.items() if name.endswith(".whl")}
+    stated = {name.split("-")[1] for name in wheels}
+    for data in wheels.values():
+        with zipfile.ZipFile(io.BytesIO(data)) as wheel:
+            texts = {entry: wheel.read(entry).decode() for entry in wheel.namelist()}
+        stated |= {version for text in texts.values() for version in re.findall(r'^__version__ = "(.*)"', text, re.M)}
+        stated |= {version for text in texts.values() for version in re.findall(r"^Version: (.*)", text, re.M)}
+        stated |= {re.match(r"arm_model-(.*)\.dist-info", name)[1] for name in texts if "dist-info" in name}
+    (version,) = stated
+    return version
+
+
+def test_wheels_with_different_contents_have_different_versions(monkeypatch):
+    """Otherwise pip takes the second for the first, which is installed already."""
+    plain = release(monkeypatch)
+    assert release(monkeypatch) == plain
+    others = [
+        release(monkeypatch, further=("control",)),
+        release(monkeypatch, further=("gravity",)),
+        release(monkeypatch, real="float"),
+        release(monkeypatch, replace(arm(), description="another arm")),
+    ]
+    assert len({plain, *others}) == 5
+
+
+def test_wheels_for_several_systems_have_one_version(monkeypatch):
+    monkeypatch.setattr(wheel_target, "platforms", lambda names: [shared_libraries.PLATFORMS[name] for name in names])
+    names = ("linux-x86_64", "macos-arm64", "windows-x86_64")
+    assert release(monkeypatch, platforms=names) == release(monkeypatch, platforms=names[:1])
 
 
 def test_the_record_lists_every_file(files, tmp_path):

@@ -280,8 +280,8 @@ def test_gravity_can_be_disabled(option, gravity, tmp_path):
     assert compare_with_source(found).torque < AGREE
 
 
-GROUPS = """<mujoco model="arm"><compiler inertiagrouprange="{}"/><default><default class="looks"><geom group="2"/></default>
-  </default><worldbody><body name="upper"><joint name="lift" axis="0 1 0"/><geom class="looks" size=".2" pos=".5 0 0"/>
+GROUPS = """<mujoco model="arm"><compiler inertiagrouprange="{}"/><default><default class="looks">
+  <geom group="2"/></default></default><worldbody><body name="upper"><joint name="lift" axis="0 1 0"/><geom class="looks" size=".2" pos=".5 0 0"/>
   <geom group="3" size=".1" pos=".1 0 0"/><geom size=".15"/></body></worldbody></mujoco>"""
 
 
