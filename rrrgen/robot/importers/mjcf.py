@@ -8,6 +8,7 @@ warning says.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Collection
@@ -56,6 +57,8 @@ from rrrgen.robot.spec import DriveSpec, FrictionSpec, Limits
 
 ROTATIONS = ("quat", "euler", "axisangle", "xyaxes", "zaxis")
 DEGREE = HIGH.pi / 180
+ACTUATORS = ("general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion")
+"""Elements that share one record of defaults, that of ``general``."""
 
 
 class Settings:
@@ -105,10 +108,16 @@ class Settings:
         known = {tag: dict(entries) for tag, entries in self.defaults.get(parent or "main", {}).items()}
         for child in element.children:
             if child.tag != "default":
-                known.setdefault(child.tag, {}).update(child.attributes)
+                tag = "general" if child.tag in ACTUATORS else child.tag
+                known.setdefault(tag, {}).update(child.attributes)
         self.defaults[name] = known
         for child in element.all("default"):
             self._read_class(child, name)
+
+    def is_limited(self, element: Element, what: str) -> bool:
+        """Whether a range that ``element`` states holds; ``what`` is the beginning of the attribute that says so."""
+        limited = element.attributes.get(f"{what}limited", "auto")
+        return limited == "true" or (limited == "auto" and self.auto_limits)
 
     def with_defaults(self, element: Element, inherited: str, tag: str = "") -> Element:
         """Complete ``element`` by the defaults of its class, or of the class ``inherited`` from bodies around it.
@@ -217,7 +226,8 @@ class Actuators:
         self.limits: dict[str, float] = {}
         for part in root.all("actuator"):
             for element in part.children:
-                self._read_actuator(settings.with_defaults(element, "main"))
+                self._read_actuator(settings.with_defaults(element, "main", "general"))
+        self.limits = {driven: limit for driven, limit in self.limits.items() if 0 < limit < math.inf}
         tendons = [element for part in root.all("tendon") for element in part.children]
         self.shafts = tuple(shaft for element in tendons if (shaft := self._shaft(element, joints)) is not None)
 
@@ -229,9 +239,10 @@ class Actuators:
         return replace(joint, limits=replace(joint.limits, torque=limit))
 
     def _read_actuator(self, element: Element) -> None:
-        """Record the torque limit: the largest torque that the actuator reaches in both directions.
+        """Add to the torque limit the largest torque that the actuator reaches in both directions.
 
-        It is ``gear`` times the smaller end of ``forcerange``, or of ``ctrlrange`` for a motor, whichever is less.
+        It is ``gear`` times the smaller end of ``forcerange``, or of ``ctrlrange`` for a motor, whichever is less; it
+        is infinite where neither limits the actuator.
         """
         kind = next((key for key in ("joint", "tendon") if key in element.attributes), None)
         gears = self.values.numbers(element, "gear", None, "1")
@@ -241,11 +252,12 @@ class Actuators:
             return
         torques = []
         for name in ("forcerange", *(("ctrlrange",) if element.tag == "motor" else ())):
-            span = self.values.numbers(element, name, 2) if name in element.attributes else None
+            stated = name in element.attributes and self.settings.is_limited(element, name.removesuffix("range"))
+            span = self.values.numbers(element, name, 2) if stated else None
             if span and span[0] < 0 < span[1]:
                 torques.append(float(min(-span[0], span[1]) * abs(gears[0])))
-        if torques and min(torques) > 0:
-            self.limits[f"{kind} {element.attributes[kind]}"] = min(torques)
+        driven = f"{kind} {element.attributes[kind]}"
+        self.limits[driven] = self.limits.get(driven, 0.0) + min(torques, default=math.inf)
 
     def _shaft(self, element: Element, joints: Collection[str]) -> Shaft | None:
         name = element.attributes.get("name", "")
@@ -590,7 +602,6 @@ class _MjcfReader:
         return self.values.angle(value * self.settings.angle) if kind == "revolute" else value
 
     def _limits(self, element: Element, kind: str) -> Limits:
-        limited = element.attributes.get("limited", "auto")
         span = self.values.numbers(element, "range", 2) if "range" in element.attributes else None
         force = (
             self.values.numbers(element, "actuatorfrcrange", 2) if "actuatorfrcrange" in element.attributes else None
@@ -599,10 +610,10 @@ class _MjcfReader:
         if span and span[0] > span[1]:
             message = f"range of <joint> is {float(span[0]):g} to {float(span[1]):g}"
             self.faults.error(element.place_of("range"), message, "the lower end first")
-        if span and (limited == "true" or (limited == "auto" and self.settings.auto_limits)) and span[0] < span[1]:
+        if span and self.settings.is_limited(element, "") and span[0] < span[1]:
             scale = self.settings.angle if kind == "revolute" else number(1)
             limits |= {"lower": float(span[0] * scale), "upper": float(span[1] * scale)}
-        if force and force[1] > 0:
+        if force and self.settings.is_limited(element, "actuatorfrc") and force[1] > 0:
             limits["torque"] = float(min(force[1], -force[0]) if force[0] < 0 else force[1])
         return Limits(**limits)
 

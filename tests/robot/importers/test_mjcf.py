@@ -281,8 +281,9 @@ def test_gravity_can_be_disabled(option, gravity, tmp_path):
 
 
 GROUPS = """<mujoco model="arm"><compiler inertiagrouprange="{}"/><default><default class="looks">
-  <geom group="2"/></default></default><worldbody><body name="upper"><joint name="lift" axis="0 1 0"/><geom class="looks" size=".2" pos=".5 0 0"/>
-  <geom group="3" size=".1" pos=".1 0 0"/><geom size=".15"/></body></worldbody></mujoco>"""
+  <geom group="2"/></default></default><worldbody><body name="upper"><joint name="lift" axis="0 1 0"/>
+  <geom class="looks" size=".2" pos=".5 0 0"/><geom group="3" size=".1" pos=".1 0 0"/><geom size=".15"/></body>
+  </worldbody></mujoco>"""
 
 
 @pytest.mark.parametrize(("groups", "radii"), [("3 3", [0.1]), ("0 2", [0.2, 0.15]), ("0 5", [0.2, 0.1, 0.15])])
@@ -365,3 +366,31 @@ def test_equalities_beside_the_chain_are_left_out(equality, tmp_path):
 def test_ends_of_an_equality_exist(tmp_path):
     with pytest.raises(InputError, match="there is no body 'craet'"):
         coupled(tmp_path, '<weld body1="b" body2="craet"/>')
+
+
+FORCE = '<position joint="lift" forcerange="-5 6" {}/>'
+MOTOR = '<motor joint="lift" gear="2" ctrlrange="-3 3" {}/>'
+GENERAL = '<default><general forcerange="-4 4"/></default>'
+LIMITS = {
+    "forcerange": ("", "", FORCE.format(""), 5),
+    "no force": ("", "", FORCE.format('forcelimited="false"'), None),
+    "ctrlrange": ("", "", MOTOR.format(""), 6),
+    "no ctrl": ("", "", MOTOR.format('ctrllimited="false"'), None),
+    "no auto": ('<compiler autolimits="false"/>', "", MOTOR.format(""), None),
+    "stated": ('<compiler autolimits="false"/>', "", MOTOR.format('ctrllimited="true"'), 6),
+    "joint": ("", 'actuatorfrcrange="-7 7"', FORCE.format(""), 7),
+    "no joint": ("", 'actuatorfrcrange="-7 7" actuatorfrclimited="false"', FORCE.format(""), 5),
+    "default position": (GENERAL, "", '<position joint="lift"/>', 4),
+    "default motor": (GENERAL, "", '<motor joint="lift"/>', 4),
+    "default velocity": (GENERAL.replace("general", "motor"), "", '<velocity joint="lift"/>', 4),
+    "two": ("", "", FORCE.format("") + MOTOR.format(""), 11),
+    "one of two": ("", "", FORCE.format("") + '<motor joint="lift"/>', None),
+}
+
+
+@pytest.mark.parametrize("case", LIMITS)
+def test_torque_limits_are_those_of_the_actuators(case, tmp_path):
+    before, joint, actuators, limit = LIMITS[case]
+    text = PENDULUM.replace("<worldbody>", before + "<worldbody>").replace('axis="0 1 0"', f'axis="0 1 0" {joint}')
+    found = import_robot(write(tmp_path, text.replace("</mujoco>", f"<actuator>{actuators}</actuator></mujoco>")))
+    assert found.spec.joints[0].limits.torque == limit
