@@ -7,6 +7,7 @@ no gravity: (0, 0, -9.81) m/s^2 in the frame of its root is taken.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from typing import Any
@@ -222,13 +223,13 @@ def _limits(element: Element, word: str, values: Values) -> Limits:
         return Limits()
     limits: dict[str, float | None] = {}
     for key, field in (("velocity", "velocity"), ("effort", "torque")):
-        value = values.float_or_none(limit, key)
+        value = values.float_or_none(limit, key, math.inf)
         if value is not None and value <= 0:
             values.faults.warning(limit.place_of(key), f"the {key} limit {value:g} is left out", "it would be no limit")
             value = None
         limits[field] = _limit_or_none(value)
     if word != "continuous":
-        lower, upper = (values.float_or_none(limit, key) for key in ("lower", "upper"))
+        lower, upper = (values.float_or_none(limit, key, math.inf) for key in ("lower", "upper"))
         if lower is not None or upper is not None:
             lower, upper = lower or 0.0, upper or 0.0  # the format's defaults
             if lower < upper:

@@ -394,3 +394,17 @@ def test_torque_limits_are_those_of_the_actuators(case, tmp_path):
     text = PENDULUM.replace("<worldbody>", before + "<worldbody>").replace('axis="0 1 0"', f'axis="0 1 0" {joint}')
     found = import_robot(write(tmp_path, text.replace("</mujoco>", f"<actuator>{actuators}</actuator></mujoco>")))
     assert found.spec.joints[0].limits.torque == limit
+
+
+@pytest.mark.parametrize("joint", ['<freejoint name="root"/>', '<joint type="ball"/><joint type="slide"/>'])
+def test_the_hint_for_a_free_base_can_be_followed(joint, tmp_path):
+    lower = '<body name="hand" pos=".3 0 0"><joint name="bend"/><geom size=".1" pos=".1 0 0"/></body>'
+    text = PENDULUM.replace('<joint name="lift" axis="0 1 0"/>', joint).replace("</body>", lower + "</body>")
+    with pytest.raises(InputError) as caught:
+        import_robot(write(tmp_path, text))
+    (hint,) = {fault.hint for fault in caught.value.faults if fault.severity == "error"}
+    assert hint.endswith("; begin behind it with --base upper")
+    found = import_robot(tmp_path / "arm.xml", chain=ChainChoice(base="upper"))
+    assert [joint.name for joint in found.spec.joints] == ["bend"]
+    pytest.importorskip("mujoco")
+    assert compare_with_source(found).torque < AGREE

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robot.importers.urdf_files import AGREE, ARM, said, write
+from rrrgen.base.errors import InputError
 from rrrgen.robot.file import dumps, loads_spec
 from rrrgen.robot.importers.importing import import_robot
 from rrrgen.robot.importers.interface import ChainChoice
@@ -59,3 +60,20 @@ def test_mimic_joints_follow_theirs(tmp_path):
     pytest.importorskip("pinocchio")
     compared = compare_with_source(found)
     assert max(compared.pose, compared.torque) < AGREE
+
+
+@pytest.mark.parametrize("number", ["1e16", "1e30", "1.7976931348623157e+308"])
+def test_huge_limits_are_none(number, tmp_path):
+    """Files write them where the format demands a number."""
+    limit = f'<limit lower="-{number}" upper="{number}" velocity="{number}" effort="{number}"/>'
+    text = ARM.replace('type="continuous"', 'type="revolute"')
+    text = text.replace('<axis xyz="0 0 -1"/>', f'<axis xyz="0 0 -1"/>{limit}')
+    limits = import_robot(write(tmp_path, text)).spec.joints[1].limits
+    assert (limits.lower, limits.upper, limits.velocity, limits.torque) == (None,) * 4
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_the_hint_for_a_free_joint_can_be_followed(kind, tmp_path):
+    file = write(tmp_path, ARM.replace('type="continuous"', f'type="{kind}"'))
+    with pytest.raises(InputError, match="begin behind it with --base lower"):
+        import_robot(file)

@@ -221,9 +221,10 @@ def _check_path(
     on_chain: Mapping[str, TreeJoint],
     faults: FaultList,
 ) -> None:
-    for joint, _ in moving:
+    for joint, forward in moving:
         if joint.kind not in MOVING:
-            hint = f"revolute and prismatic joints make a serial chain; hold it with --hold {joint.name}=0"
+            there = f"{'begin behind it with --base' if forward else 'end before it with --tip'} {_link(tree, joint)}"
+            hint = f"revolute and prismatic joints make a serial chain; {there}"
             faults.error(joint.place, f"joint '{joint.name}' on the chain is {joint.kind}", hint)
         elif joint.mimic is not None and not _leads_to_drive(joint, on_chain):
             hint = f"hold it with --hold {joint.name}=0, or choose other ends with --base and --tip"
@@ -234,6 +235,15 @@ def _check_path(
         faults.error(place, f"no joint moves between '{base}' and '{tip}'", "choose other ends with --base and --tip")
     if len(moving) > MAX_JOINTS:
         faults.error(place, f"{len(moving)} joints between '{base}' and '{tip}'", f"at most {MAX_JOINTS}")
+
+
+def _link(tree: Tree, joint: TreeJoint) -> str:
+    """The link of the file behind ``joint``; between the joints of one body of an MJCF there are invented ones."""
+    above, below = tree.joint_above(), tree.joints_below()
+    body = joint.child
+    while above[body].kind != "fixed" and tree.bodies[body].place == above[body].place:
+        body = below[body][0].child
+    return body
 
 
 def _check_constraints(tree: Tree, on_chain: Collection[str], faults: FaultList) -> None:

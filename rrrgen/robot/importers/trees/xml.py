@@ -158,6 +158,7 @@ class _XmlReader:
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 MAX_DIGITS = 60
 MAX_LISTED = 100
+LARGEST = 1e15  # of the numbers that mean a quantity
 
 
 class Values:
@@ -167,10 +168,13 @@ class Values:
         self.faults, self.tolerance = faults, number(angle_tolerance)
         self.rounded: list[Any] = []
 
-    def numbers(self, element: Element, name: str, count: int | None, default: str | None = None) -> list[Any] | None:
+    def numbers(
+        self, element: Element, name: str, count: int | None, default: str | None = None, largest: float = LARGEST
+    ) -> list[Any] | None:
         """Read an attribute that holds ``count`` decimal numbers, or any number of them if that is None.
 
-        ``default`` is the text of an absent attribute. A fault and None if there is neither, or for other text.
+        ``default`` is the text of an absent attribute. A fault and None if there is neither, or for other text and
+        for magnitudes above ``largest``.
         """
         text = element.attributes.get(name, default)
         if text is None:
@@ -182,7 +186,7 @@ class Values:
             self.faults.error(element.place_of(name), f"{name} of <{element.tag}> is '{shorten(text)}'", wanted)
             return None
         for word in words:
-            if not _NUMBER.fullmatch(word) or len(word) > MAX_DIGITS or abs(number(word)) > 1e15:
+            if not _NUMBER.fullmatch(word) or len(word) > MAX_DIGITS or abs(number(word)) > largest:
                 message = f"'{shorten(word)}' in {name} of <{element.tag}> is not a number of this file"
                 self.faults.error(element.place_of(name), message, "decimal numbers below 1e15, with a point")
                 return None
@@ -193,11 +197,11 @@ class Values:
         numbers = self.numbers(element, name, 1, default)
         return numbers[0] if numbers else number(0)
 
-    def float_or_none(self, element: Element | None, name: str) -> float | None:
-        """Read one number of an attribute as a float; None if the attribute is missing."""
+    def float_or_none(self, element: Element | None, name: str, largest: float = LARGEST) -> float | None:
+        """Read one number of an attribute as a float, at most ``largest``; None if the attribute is missing."""
         if element is None or name not in element.attributes:
             return None
-        numbers = self.numbers(element, name, 1)
+        numbers = self.numbers(element, name, 1, largest=largest)
         return float(numbers[0]) if numbers else None
 
     def not_negative(self, element: Element, name: str) -> float:
