@@ -80,7 +80,7 @@ class Settings:
         for option in root.all("option"):
             if "gravity" in option.attributes:
                 self.gravity = vector(values.three(option, "gravity"))
-        self.disabled = _disabled(root)
+        self.disabled = _read_disabled(root)
         if "gravity" in self.disabled:
             self.gravity = vector((0, 0, 0))
         self.defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
@@ -130,7 +130,7 @@ class Settings:
         )
 
 
-def _disabled(root: Element) -> set[str]:
+def _read_disabled(root: Element) -> set[str]:
     """The parts of the physics that the last flag of the file about them disables."""
     flags = [flag for option in root.all("option") for flag in option.all("flag")]
     last = {key: value for flag in flags for key, value in flag.attributes.items()}
@@ -638,7 +638,7 @@ class _MjcfReader:
             if element.tag == "joint" and linear and self._unknown(element, root):
                 continue
             if not linear or first not in self.joints or second not in self.joints or c is None:
-                if bodies := self._constrained(element):
+                if bodies := self._find_bodies(element):
                     self.constraints.append(Constraint(f"equality <{element.tag}>", bodies, element.place))
                     continue
                 hint = "a robot file couples joints linearly: <joint joint1= joint2= polycoef= />"
@@ -647,7 +647,7 @@ class _MjcfReader:
             offset = c[0] + self.ref[first] - c[1] * self.ref[second]  # in rad (m) whatever the unit of angles
             self.joints[first] = replace(self.joints[first], mimic=Mimic(second, c[1], offset))
 
-    def _constrained(self, element: Element) -> tuple[str, str] | None:
+    def _find_bodies(self, element: Element) -> tuple[str, str] | None:
         """The bodies between which an equality holds; None where there are none, and for bodies that a program moves.
 
         An equality about a joint holds between the bodies at its sides.
