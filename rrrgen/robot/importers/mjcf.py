@@ -503,6 +503,9 @@ class _MjcfReader:
         """
         for child in element.children:
             if child.tag == "frame":
+                for joint in (*child.all("joint"), *child.all("freejoint")):
+                    hint = "state it in the body: MuJoCo saves a file in which it is (mj_saveLastXML)"
+                    self.faults.error(joint.place, f"<{joint.tag}> in a <frame> is not read", hint)
                 inner = frame @ pose(child, self.settings, self.values)
                 self._children(child, parent, child.attributes.get("childclass", inherited), inner)
             elif child.tag == "body":
