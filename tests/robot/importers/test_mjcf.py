@@ -131,7 +131,7 @@ FAULTS = {
     "frame": (
         '<geom type="mesh" mesh="forearm"/>',
         '<geom size="1"/><frame pos="1 0 0"><joint name="turn"/></frame>',
-        "9:45",
+        "9:44",
         "<joint> in a <frame> is not read",
     ),
     "twice": ('name="lower"', 'name="upper"', "7:7", "there are two bodies 'upper'"),
