@@ -23,9 +23,6 @@ def test_parameters_are_checked_by_name(controller):
         ({"beta": np.inf}, r"beta\[0\]"),
         ({"kpp": 1.0}, "did you mean 'kp'"),
         ({"hold_ticks": 1.5}, "hold_ticks must be a whole number, not 1.5"),
-        ({"hold_ticks": 10**12}, "hold_ticks must be from -2147483648 to 2147483647, not 1000000000000"),
-        ({"threshold": "a"}, "threshold must be numbers, not 'a'"),
-        ({"kp": [1.0, 2j, 3.0]}, "kp must be numbers"),
     ):
         with pytest.raises(ValueError, match=name):
             controller(**wrong)
@@ -37,8 +34,14 @@ def test_fields_of_a_tick_and_of_a_change_are_checked_by_name(controller):
         unit.step(q="x")
     with pytest.raises(ValueError, match="sample must be a whole number"):
         unit.step(sample=0.5)
-    with pytest.raises(ValueError, match="did you mean 'kp'"):
-        unit.set(kpp=1.0)
+    for wrong, message in (
+        ({"kpp": 1.0}, "did you mean 'kp'"),
+        ({"hold_ticks": 10**12}, "hold_ticks must be from -2147483648 to 2147483647, not 1000000000000"),
+        ({"threshold": "a"}, "threshold must be numbers, not 'a'"),
+        ({"kp": [1.0, 2j, 3.0]}, "kp must be numbers"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            unit.set(**wrong)
 
 
 def test_it_shows_its_mode_and_those_that_it_has(rrr):

@@ -19,7 +19,7 @@ from .readers import READERS, WHOLE_FILE, Reader, outcome
 
 COUNT = int(os.environ.get("RRRGEN_FUZZ", "0"))
 FIRST = int(os.environ.get("RRRGEN_FUZZ_FROM", "0"))
-FEW, FEW_NATIVE = 30, 16
+FEW, FEW_NATIVE = 20, 12
 ALLOWED = (0, 3, 4)
 SLOWEST = 30.0  # s, for files of some kilobytes
 

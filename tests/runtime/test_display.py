@@ -9,7 +9,7 @@ import rrrgen
 from rrrgen.runtime.display import corners
 
 
-@pytest.mark.parametrize("robot", ["ur10e", "panda", "scara"])  # standard, modified, prismatic
+@pytest.mark.parametrize("robot", ["rrr", "panda", "scara"])  # standard, modified, prismatic
 def test_links_follow_the_table(robot: str) -> None:
     m = rrrgen.compile(robot, backend="numpy")
     q = np.random.default_rng(3).uniform(-1, 1, (4, m.n))

@@ -46,6 +46,7 @@ def test_measurements_of_another_robot_are_refused_with_the_mistake(case, tmp_pa
 
 
 @pytest.mark.parametrize("lengths", [False, True])
+@pytest.mark.sweep(but=["True"])
 def test_a_slide_in_mm_is_found(lengths, tmp_path):
     """The third joint of the SCARA slides; its unit was taken for right, and nothing fitted."""
     spec, random = load_spec("scara"), np.random.default_rng(1)

@@ -58,6 +58,7 @@ def test_tight_position_limits_shrink_the_motion():
 
 
 @pytest.mark.parametrize(("side", "limit"), [("lower", 0.0), ("lower", 0.4), ("upper", -0.2), ("upper", 0.05)])
+@pytest.mark.sweep(but=["lower-0.0", "upper--0.2"])
 def test_one_position_limit_near_zero_moves_the_motion_away_from_it(side: str, limit: float):
     """A joint with one limit at or beyond zero was centred on it, and refused for lack of room."""
     spec = load_spec("pendulum")

@@ -40,7 +40,7 @@ def poses(model: RobotModel, q: np.ndarray) -> tuple[list[np.ndarray], np.ndarra
     return frames, T @ constant(model.tip)
 
 
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 @given(robots_with_states())
 def test_the_canonical_chain_moves_as_the_rows_do(drawn):
     robot, q, _, _ = drawn
