@@ -141,7 +141,10 @@ def _search(table: Sequence[Sequence[float]], slide: int | None, turn: float) ->
 
 
 def numbering(start: int, direction: int) -> list[int]:
-    """The joints of the chain (0 .. 5) in the order of a labelling: from ``start`` on, ``direction`` is +1 or -1."""
+    """The joints of the chain (0 .. 5) in the order in which a labelling of the closed loop numbers them.
+
+    It begins at the joint ``start`` and runs towards the tip (``direction`` +1) or the base (-1).
+    """
     return [(start + direction * k) % 6 for k in range(6)]
 
 

@@ -69,9 +69,9 @@ class Calibration:
         return np.asarray(self.misfit * np.sqrt(np.diag(self.covariance)))
 
     def position_deviation(self, q: Array) -> Array:
-        """Expected error (N,) of the position of the tip at ``q`` (N, joints) in m: the root of its mean square.
+        """Predicted error (N,) of the tip position at ``q`` (N, joints), root mean square, in m.
 
-        It is raised by the :attr:`misfit`.
+        It follows from the covariance of the parameters, and is raised by the :attr:`misfit` like all deviations.
         """
         J = self.geometry.jacobian(q, self.chosen.kept)[:, :3]
         return np.asarray(self.misfit * np.sqrt(np.einsum("nip,pk,nik->n", J, self.covariance, J, optimize=True)))

@@ -88,7 +88,10 @@ class CsvTable:
         return open(self.path, encoding=self.source.encoding, newline=None)
 
     def _rows(self, stream: TextIO) -> Iterator[tuple[int, str]]:
-        """Iterate over the lines with content after the skipped ones, without comments, with their numbers from 1."""
+        """Iterate over the rows of the file: line number (from 1) and text without its comment.
+
+        The first ``skip`` lines of the source, and lines that are blank without their comment, are left out.
+        """
         numbered = enumerate(_bounded_lines(stream), 1)
         plain = ((number, self._plain(line)) for number, line in islice(numbered, self.source.skip, None))
         return ((number, line) for number, line in plain if line.strip())
@@ -136,7 +139,7 @@ class CsvTable:
         return cells[:-1] if len(cells) > 1 and not cells[-1].strip() else cells
 
     def _check_width(self, block: list[tuple[int, str]]) -> None:
-        """Raises :class:`InputError` at a line with more entries than columns: its numbers would be read shifted."""
+        """Raise :class:`InputError` at a line with more entries than columns: its numbers would be read shifted."""
         for number, line in block:
             # counting separators is ten times faster than splitting
             narrow = self.separator != " " and line.count(self.separator) < self._most
