@@ -79,12 +79,11 @@ from rrrgen.evidence.factorization import (
     in_triangle,
     state_in,
     torque_port,
-    with_results,
 )
 from rrrgen.evidence.rounding import FLOAT, PRECISIONS, Box, NoBoundError, enclosures, rounding_bounds
 from rrrgen.evidence.vectors import DIGITS, exact_values
 from rrrgen.program import Op, Port, Program, Role
-from rrrgen.program.program import Node, reachable
+from rrrgen.program.program import Node, reachable, with_results
 
 OUTPUTS = ("ddq", "dddq_dq", "dddq_dv", "dddq_dtau")
 """The outputs whose residuals are bounded."""

@@ -18,7 +18,7 @@ import mpmath
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, Box, NoBoundError, RoundingBounds, enclosures, rounding_bounds
 from rrrgen.evidence.vectors import DIGITS, exact_values
 from rrrgen.program import Op, Port, Program, Role
-from rrrgen.program.program import Node, reachable
+from rrrgen.program.program import Node, reachable, with_results
 
 SAME = 30
 """Digits in which values of the same quantity agree."""
@@ -482,19 +482,3 @@ SUMS = (Op.ADD, Op.SUB, Op.NEG)
 def digits(value: Any) -> str:
     """The magnitude of a number in the digits that two values of one quantity share."""
     return str(mpmath.nstr(abs(value), SAME))
-
-
-def with_results(program: Program, results: Sequence[Sequence[int]]) -> Program:
-    """The nodes of a program with other results, one output for each list, without status; other nodes are dropped."""
-    kept = reachable(program.nodes, (index for row in results for index in row))
-    place = {old: new for new, old in enumerate(kept)}
-    nodes = tuple(
-        program.nodes[old]._replace(args=tuple(place[arg] for arg in program.nodes[old].args)) for old in kept
-    )
-    return program.with_fields(
-        nodes=nodes,
-        outputs=tuple(Port(f"sums{k}", (len(row),)) for k, row in enumerate(results)),
-        results=tuple(tuple(place[index] for index in row) for row in results),
-        labels={},
-        status=None,
-    )

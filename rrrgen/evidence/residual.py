@@ -59,11 +59,11 @@ from rrrgen.evidence.factorization import (
     in_triangle,
     state_in,
     torque_port,
-    with_results,
 )
 from rrrgen.evidence.rounding import FLOAT, PRECISIONS, Box, NoBoundError, enclosures
 from rrrgen.evidence.vectors import DIGITS, exact_values
 from rrrgen.program import Op, Program, Role
+from rrrgen.program.program import with_results
 
 
 @dataclass(frozen=True)

@@ -91,9 +91,10 @@ without limit; the reason is returned instead.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from itertools import combinations, product
 from typing import NamedTuple
 
@@ -103,7 +104,7 @@ from numpy.typing import NDArray
 from rrrgen.emit.c.language import ERROR_BOUND, RANGE
 from rrrgen.program import Builder, Op, Port, Program, Value
 from rrrgen.program.differentiation import is_zero
-from rrrgen.program.program import Node, reachable
+from rrrgen.program.program import Node, reachable, with_results
 
 Array = NDArray[np.float64]
 Interval = tuple[Array, Array]
@@ -141,14 +142,13 @@ _MARGIN = 1.0 + 2.0**-48  # covers the roundings of a formula of at most 2^4 ope
 _SUM_MARGIN = 1.0 + 2.0**-46  # the same for at most 2^7 - 1 operations, such as the sums of :data:`_MOST_TERMS`
 _TINY = 1e-150  # magnitudes below it vanish when squared
 _SINE_ERROR = 2.0**-48  # of NumPy's sine and cosine, which are accurate to some units in the last place of 1
-_BUDGET = 4e6  # nodes times parts of the box: some seconds for the largest function
+_BUDGET = 4e6  # nodes times parts of the box: some seconds, and some hundred MB, for the largest function
 _LARGE = 3e4  # nodes from which on the box stays whole: finding the rotations takes longer than the arithmetic
 _MOST_REVERSED = 1e5  # nodes times outputs for which reverse mode is used: of more it takes longest, and gains least
 _MOST_PARTS = 8  # of one angle; more gained less than a tenth on the bundled arms
 _MOST_TERMS = 24  # of a flattened sum
 _MOST_FACTORS = 6  # of a product that is multiplied out
 _MOST_PRODUCTS = 8  # of a sum of products that is bounded as the scalar product of two vectors
-_CHUNK = 4e6  # nodes times boxes evaluated together: 64 MB
 
 
 LIBRARY_UNITS = 4
@@ -189,8 +189,9 @@ def rounding_bounds(program: Program, box: Box, budget: float = _BUDGET) -> Roun
     Raises NoBoundError with the reason where no bound can be proven.
     """
     analysis = _Analysis(program, box)
-    parts = analysis.affordable_parts(budget)
     finer = analysis.parts_within(budget, len(program.nodes))
+    analysis.require_bounds_of_divisors(finer)
+    parts = analysis.affordable_parts(budget)
     double, single = analysis.bounds(parts, finer)
     library = any(node.op is Op.TANH or node.op is Op.EXP for node in program.nodes)
     return RoundingBounds(double, single, parts, analysis.conditional(), library)
@@ -472,28 +473,16 @@ class _Ranges:
         self.nodes: list[Node] = []
         self.ranges: list[Interval] = []
         self.errors: list[Array | float] = []
+        self._magnitudes: list[Array] = []
         self._norms: dict[tuple[Factors, ...], Array] = {}
-        self._lasting = 0  # norms at the beginning that do not rest on nodes to be forgotten
+        self._sizes: dict[Factors, Array | float] = {}
+        self._readings: dict[Factors, tuple[_Factored, list[_Rotation], list[_Turned]]] = {}
         self._products: dict[int, _Factored] = {}
         self.readings: dict[int, list[_Terms]] = {}
 
-    def truncate(self, size: int) -> None:
-        """Forget all nodes from number ``size`` on."""
-        del self.nodes[size:], self.ranges[size:], self.errors[size:]
-        lasting = {}
-        while len(self._norms) > self._lasting:  # what has been added since the last time
-            key, norm = self._norms.popitem()
-            if all(index < size for member in key for index in member):
-                lasting[key] = norm
-        self._norms |= lasting
-        self._lasting = len(self._norms)
-        for cache in (self._products, self.readings):
-            for index in [index for index in reversed(cache) if index >= size]:
-                del cache[index]
-
     def magnitude(self, index: int) -> Array:
         """The largest magnitude of a node in every box."""
-        return np.array([2.0]) if index == TWO else _magnitude(self.ranges[index])
+        return np.array([2.0]) if index == TWO else self._magnitudes[index]
 
     def exact(self, node: Node) -> Interval:
         """The enclosure of ``node``, the next one, without its own local error."""
@@ -539,6 +528,7 @@ class _Ranges:
         self.nodes.append(node)
         self.ranges.append(enclosure)
         self.errors.append(error)
+        self._magnitudes.append(_magnitude(enclosure))
 
     # -- choices -----------------------------------------------------------------------------------------------
 
@@ -764,8 +754,7 @@ class _Ranges:
 
     def reductions(self, members: Sequence[Factors]) -> list[_Reduction]:
         """Rule 2: the ways to take one rotation off the norm of ``members`` that are worth following."""
-        read = [self._read(member) for member in members]
-        rotations = [self.rotations(term.factors[0]) if len(term.factors) == 1 else [] for term in read]
+        read, rotations, ways = zip(*map(self._readings_of, members), strict=True)
 
         def without(*places: int) -> list[Factors]:
             return [member for k, member in enumerate(members) if k not in places]
@@ -776,7 +765,8 @@ class _Ranges:
                     for second in rotations[j]:
                         if first.is_orthogonal_to(second):
                             return [_Reduction([*without(i, j), *first.pair], (first, second))]
-        ways = [self.trigonometric_readings(term.factors) for term in read]
+        if not any(rotations) and sum(map(bool, ways)) < 2:
+            return []
         pairs = []
         for i, j in combinations(range(len(members)), 2):
             for turned, again in product(ways[i], ways[j]):
@@ -798,9 +788,14 @@ class _Ranges:
         ]
         return [*pairs[:1], *(single if len(members) == 2 else single[-1:])]
 
-    def _read(self, member: Factors) -> _Factored:
-        """A term of a norm, multiplied out if it is a single node."""
-        return self.product(member[0]) if len(member) == 1 and member[0] != TWO else _Factored(1, member, ())
+    def _readings_of(self, member: Factors) -> tuple[_Factored, list[_Rotation], list[_Turned]]:
+        """A term of a norm, multiplied out if it is a single node, and its readings as a rotation and by one angle."""
+        if member not in self._readings:
+            single = len(member) == 1 and member[0] != TWO
+            read = self.product(member[0]) if single else _Factored(1, member, ())
+            rotations = self.rotations(read.factors[0]) if len(read.factors) == 1 else []
+            self._readings[member] = read, rotations, self.trigonometric_readings(read.factors)
+        return self._readings[member]
 
     def _further(self, factors: Factors, others: Factors) -> Factors | None:
         """The quotient of the product ``factors`` by the product ``others``, if it is a product of sines and cosines.
@@ -819,10 +814,12 @@ class _Ranges:
 
     def size(self, factors: Factors) -> Array | float:
         """The largest magnitude of a product."""
-        size: Array | float = 1.0
-        for index in factors:
-            size = size * self.magnitude(index)
-        return size * _MARGIN
+        if factors not in self._sizes:
+            size: Array | float = 1.0
+            for index in factors:
+                size = size * self.magnitude(index)
+            self._sizes[factors] = size * _MARGIN
+        return self._sizes[factors]
 
     def _of_product(self, node: Node, enclosure: Interval) -> Interval:
         """Rule 3 for a product of two sums: ``|a b| <= N(a, b)^2 / 2``."""
@@ -866,7 +863,7 @@ class _Ranges:
         products = [index for coefficient, index in terms if abs(coefficient) == 1 and self.nodes[index].op is Op.MUL]
         if not 2 <= len(products) <= (2 if self._is_derivative() else _MOST_PRODUCTS):
             return []
-        ordered = [sorted(self.nodes[k].args, key=lambda arg: float(np.max(self.magnitude(arg)))) for k in products]
+        ordered = [sorted(self.nodes[k].args, key=lambda arg: float(self.magnitude(arg).max())) for k in products]
         pairs: list[_Vectors] = [(((small,),), ((large,),)) for small, large in ordered]
         if len(products) == 2:
             readings = [[_join(pairs[0], pairs[1], turned)] for turned in (False, True)]
@@ -882,7 +879,7 @@ class _Ranges:
 
         def size(vectors: _Vectors) -> float:
             if vectors not in sizes:
-                sizes[vectors] = float(np.mean(self.norm(vectors[0]) * self.norm(vectors[1])))
+                sizes[vectors] = float((self.norm(vectors[0]) * self.norm(vectors[1])).mean())
             return sizes[vectors]
 
         while True:
@@ -914,7 +911,7 @@ class _Ranges:
             if index not in left_out:
                 x = self.ranges[index][:: 1 if coefficient > 0 else -1]
                 low, high = low + coefficient * x[0], high + coefficient * x[1]
-                size = size + abs(coefficient) * _magnitude(self.ranges[index])
+                size = size + abs(coefficient) * self._magnitudes[index]
         slack = size * 2.0**-46  # covers the roundings of at most _MOST_TERMS additions and of the norm
         return np.asarray(low - radius - slack), np.asarray(high + radius + slack)
 
@@ -971,7 +968,7 @@ class _Carried:
         self.local = local
         self.sizes: list[Array] = []
         self._norms: dict[tuple[Factors, ...], Array] = {}
-        for index, node in enumerate(ranges.nodes):
+        for index, node in enumerate(ranges.nodes[: len(local)]):  # those behind are derivatives of reverse mode
             size = (self._of_operation(node) + local[index]) * _SUM_MARGIN
             if node.op is Op.ADD or node.op is Op.SUB:
                 size = self._of_sum(index, size)
@@ -1150,22 +1147,38 @@ class _Carried:
 # ------------------------------------------------------------------------------------------------------------------
 
 
+class _Sweep(NamedTuple):
+    """Derivatives of one output by the values of nodes: ``numbers``, and ``places`` of the nodes that compute them."""
+
+    numbers: dict[int, int | Fraction]
+    places: dict[int, int]
+
+
+class _Derivatives(NamedTuple):
+    """The nodes that compute derivatives, numbered behind those of the program, and the derivatives of each output."""
+
+    nodes: list[Node]
+    sweeps: dict[int, _Sweep]
+
+
 class _Analysis:
     """The rounding analysis of one program over one box."""
 
     def __init__(self, program: Program, box: Box) -> None:
         self.program = program
         self.nodes = program.nodes
+        self._given = box
         self.box = self._input_bounds(box)
         self.rounds = self._roundings()
         self.angles = sorted({node.args[0] for node in self.nodes if node.op is Op.SIN or node.op is Op.COS})
         self._in_angles = set(reachable(self.nodes, self.angles))
         self._check_angles()
+        self._of_rounded_angles = [
+            index
+            for index, node in reversed(list(enumerate(self.nodes)))
+            if node.op in (Op.SIN, Op.COS) and self.rounds[node.args[0]]
+        ]
         self.outputs = [index for row in program.results for index in row]
-        reversed_too = len(self.nodes) * len(set(self.outputs)) <= _MOST_REVERSED
-        builder = Builder()  # one for all sweeps, of which each takes the nodes that it reaches
-        self._recording = builder, builder.input(Port("v", (len(self.nodes),)))
-        self.sweeps = {index: self._sweep(index) for index in self.outputs} if reversed_too else {}
         self.followed: dict[int, set[int]] = {}  # of the choices: the nodes that they take in some part of the box
         self.undecided: set[int] = set()  # choices and signs that rounding may turn over
 
@@ -1205,15 +1218,48 @@ class _Analysis:
 
     # -- derivatives -------------------------------------------------------------------------------------------
 
-    def _sweep(self, output: int) -> tuple[list[Node], dict[int, int | Fraction], dict[int, int]]:
-        """Reverse mode from node ``output``: derivatives by the values of nodes, as nodes behind those of the program.
+    @cached_property
+    def derivatives(self) -> _Derivatives:
+        """Reverse mode from every output; of no output for programs of many nodes and outputs.
 
-        Returns these nodes, and for every node of the program the derivative of the output: a number, or the index of
-        the node that computes it. The values of the program's nodes are inputs of the recording, so that nothing is
-        simplified by an identity that holds only without rounding. Derivatives do not pass through sines and cosines.
+        The values of the program's nodes are inputs of the recording, so that nothing is simplified by an identity that
+        holds only without rounding. One recording holds all outputs, which have many nodes in common.
         """
-        builder, value = self._recording
         size = len(self.nodes)
+        if size * len(set(self.outputs)) > _MOST_REVERSED:
+            return _Derivatives([], {})
+        builder = Builder()
+        values = builder.input(Port("v", (size,)))
+        recorded = {output: self._adjoints(builder, values, output) for output in self.outputs}
+        places = {
+            output: {
+                index: adjoint.index for index, adjoint in adjoints.items() if not isinstance(adjoint, (int, Fraction))
+            }
+            for output, adjoints in recorded.items()
+        }
+        moved: dict[int, int] = {}
+        nodes: list[Node] = []
+        for old in reachable(builder.nodes, (place for of_output in places.values() for place in of_output.values())):
+            node = builder.nodes[old]
+            if node.op is Op.INPUT:
+                moved[old] = node.place[1]
+            else:
+                moved[old] = size + len(nodes)
+                nodes.append(Node(node.op, tuple(moved[arg] for arg in node.args), node.value))
+        sweeps = {
+            output: _Sweep(
+                {index: adjoint for index, adjoint in adjoints.items() if isinstance(adjoint, (int, Fraction))},
+                {index: moved[place] for index, place in places[output].items()},
+            )
+            for output, adjoints in recorded.items()
+        }
+        return _Derivatives(nodes, sweeps)
+
+    def _adjoints(self, builder: Builder, value: Sequence[Value], output: int) -> dict[int, Value]:
+        """The derivatives of node ``output`` by the nodes of the program with these values, recorded in ``builder``.
+
+        Those that are zero are left out. Derivatives do not pass through sines and cosines.
+        """
         adjoints: dict[int, Value] = {output: 1}
         order = reachable(self.nodes, [output])
 
@@ -1260,33 +1306,7 @@ class _Analysis:
                 give(node.args[0], builder.mul(builder.sub(1, builder.mul(slope, slope)), adjoint))
             elif node.op is Op.EXP:
                 give(node.args[0], builder.mul(builder.exp(value[node.args[0]]), adjoint))
-        numbers: dict[int, int | Fraction] = {}
-        places: dict[int, int] = {}
-        wanted = []
-        for index, adjoint in adjoints.items():
-            if isinstance(adjoint, (int, Fraction)):
-                numbers[index] = adjoint
-            else:
-                wanted.append((index, adjoint.index))
-        kept: set[int] = set()
-        waiting = [place for _, place in wanted]
-        while waiting:
-            place = waiting.pop()
-            if place not in kept:
-                kept.add(place)
-                waiting += builder.nodes[place].args
-        moved: dict[int, int] = {}
-        nodes: list[Node] = []
-        for old in sorted(kept):
-            node = builder.nodes[old]
-            if node.op is Op.INPUT:
-                moved[old] = node.place[1]
-            else:
-                moved[old] = size + len(nodes)
-                nodes.append(Node(node.op, tuple(moved[arg] for arg in node.args), node.value))
-        for index, place in wanted:
-            places[index] = moved[place]
-        return nodes, numbers, places
+        return adjoints
 
     def _value(self, values: Sequence[Value], index: int) -> Value:
         """The value of a node in a derivative: a number for a constant that every precision represents."""
@@ -1301,7 +1321,9 @@ class _Analysis:
 
     def affordable_parts(self, budget: float) -> int:
         """The largest number of parts per angle for which the work stays within ``budget``."""
-        work = len(self.nodes) + sum(len(nodes) for nodes, *_ in self.sweeps.values())
+        if self.parts_within(budget, len(self.nodes)) == 1:
+            return 1
+        work = len(self.nodes) + len(self.derivatives.nodes)
         return 1 if work > _LARGE else self.parts_within(budget, work)
 
     def parts_within(self, budget: float, work: int) -> int:
@@ -1348,40 +1370,34 @@ class _Analysis:
 
     def _largest(self, parts: int, by_reverse_mode: bool) -> dict[int, Array]:
         """The largest bounds over all boxes of every output element, in both precisions, shape (precisions,)."""
-        totals = {index: np.zeros(len(PRECISIONS)) for index in self.outputs}
-        for part in self._batches(parts):
-            ranges, errors = self._enclose_nodes(part)
-            local = [np.stack([np.atleast_1d(radius) for radius in np.broadcast_arrays(*error)]) for error in errors]
-            known = {}
-            if by_reverse_mode:
-                known = {index: self._error_of(sweep, ranges, errors) for index, sweep in self.sweeps.items()}
-            carried = _Carried(ranges, local, known)
-            for index in self.outputs:
-                totals[index] = np.maximum(totals[index], np.max(carried.sizes[index], axis=1))
-        return totals
+        ranges, errors = self._enclose_nodes(self._boxes(parts))
+        local = [np.stack([np.atleast_1d(radius) for radius in np.broadcast_arrays(*error)]) for error in errors]
+        known = self._by_reverse_mode(ranges, local) if by_reverse_mode else {}
+        carried = _Carried(ranges, local, known)
+        return {index: np.max(carried.sizes[index], axis=1) for index in self.outputs}
 
     def enclosures(self, parts: int) -> dict[int, tuple[float, float]]:
         """The bounds of the nodes that are outputs, local errors included, with every angle split into ``parts``."""
-        bounds: dict[int, tuple[float, float]] = {}
-        for part in self._batches(parts):
-            ranges, _ = self._enclose_nodes(part)
-            for index in self.outputs:
-                low, high = (f(x) for f, x in zip((np.min, np.max), ranges.ranges[index], strict=True))
-                before = bounds.get(index, (math.inf, -math.inf))
-                bounds[index] = min(before[0], float(low)), max(before[1], float(high))
-        return bounds
+        ranges, _ = self._enclose_nodes(self._boxes(parts))
+        return {
+            index: (float(np.min(ranges.ranges[index][0])), float(np.max(ranges.ranges[index][1])))
+            for index in self.outputs
+        }
 
-    def _batches(self, parts: int) -> Iterator[dict[int, Interval]]:
-        """The boxes in batches that fit into memory."""
-        boxes = self._boxes(parts)
-        count = max((len(low) for low, _ in boxes.values()), default=1)
-        longest = len(self.nodes) + max((len(nodes) for nodes, *_ in self.sweeps.values()), default=0)
-        step = max(1, int(_CHUNK / max(1, longest)))  # a program without outputs has no nodes
-        for first in range(0, count, step):
-            yield {
-                index: (low, high) if len(low) == 1 else (low[first : first + step], high[first : first + step])
-                for index, (low, high) in boxes.items()
-            }
+    def require_bounds_of_divisors(self, parts: int) -> None:
+        """Raise NoBoundError if a divisor or root may be zero although every angle is split into ``parts``.
+
+        The nodes that these depend on are few beside those of the derivatives, which need not be recorded then.
+        """
+        divisors = [node.args[1] for node in self.nodes if node.op is Op.DIV]
+        squares = [node.args[0] for node in self.nodes if node.op is Op.SQRT]
+        if divisors or squares:
+            alone = _Analysis(with_results(self.program, [divisors, squares]), self._given)
+            ranges = alone._enclose_nodes(alone._boxes(parts))[0].ranges
+            for index in alone.program.results[0]:
+                _quotient(ranges[index], ranges[index])
+            for index in alone.program.results[1]:
+                _root(ranges[index])
 
     def _enclose_nodes(self, boxes: Mapping[int, Interval]) -> tuple[_Ranges, list[tuple[Array | float, ...]]]:
         """The enclosures of all nodes, and the bounds of their local errors in both precisions."""
@@ -1487,21 +1503,16 @@ class _Analysis:
             for precision in PRECISIONS
         )
 
-    def _error_of(
-        self,
-        sweep: tuple[list[Node], dict[int, int | Fraction], dict[int, int]],
-        ranges: _Ranges,
-        errors: list[tuple[Array | float, ...]],
-    ) -> Array:
+    def _by_reverse_mode(self, ranges: _Ranges, local: Sequence[Array]) -> dict[int, Array]:
+        """Enclose the derivatives; the bounds of every output element in both precisions, (precisions, boxes)."""
+        for node in self.derivatives.nodes:
+            ranges.append(node, _constant(node.number)[0] if node.op is Op.CONST else ranges.exact(node))
+        return {output: self._error_of(sweep, ranges, local) for output, sweep in self.derivatives.sweeps.items()}
+
+    def _error_of(self, sweep: _Sweep, ranges: _Ranges, local: Sequence[Array]) -> Array:
         """The bounds of one output element in both precisions, shape (precisions, boxes)."""
-        nodes, numbers, places = sweep
-        size = len(self.nodes)
-        for node in nodes:
-            if node.op is Op.CONST:
-                ranges.append(node, _constant(node.number)[0])
-            else:
-                ranges.append(node, ranges.exact(node))
-        totals: list[Array | float] = [0.0] * len(PRECISIONS)
+        numbers, places = sweep
+        total = np.zeros((len(PRECISIONS), 1))
         through_angles = self._through_angles(numbers, places, ranges)
         for index in {*numbers, *places, *through_angles}:
             size_of: Array | float = 0.0
@@ -1510,11 +1521,9 @@ class _Analysis:
             elif index in places:
                 size_of = ranges.magnitude(places[index])
             size_of = size_of + through_angles.get(index, 0.0)
-            for k in range(len(PRECISIONS)):
-                totals[k] = totals[k] + size_of * errors[index][k]
-        ranges.truncate(size)
+            total = total + size_of * local[index]
         grown = 1.0 + 4.0 * len(self.nodes) * 2.0**-52  # each term and each addition is rounded once
-        return np.stack([np.atleast_1d(total) for total in np.broadcast_arrays(*totals)]) * grown
+        return np.asarray(total * grown)
 
     def _through_angles(
         self, numbers: Mapping[int, int | Fraction], places: Mapping[int, int], ranges: _Ranges
@@ -1524,13 +1533,8 @@ class _Analysis:
         With derivatives x by the sine and y by the cosine of an angle, ``|x cos - y sin| <= N(x, y)`` (Cauchy-Schwarz).
         """
         reached: dict[int, Array | float] = {}
-        for index in reversed(range(len(self.nodes))):
-            node = self.nodes[index]
-            if node.op is not Op.SIN and node.op is not Op.COS:
-                continue
-            if not self.rounds[node.args[0]]:
-                continue
-            angle = node.args[0]
+        for index in self._of_rounded_angles:
+            angle = self.nodes[index].args[0]
             if index in numbers:
                 amount: Array | float = abs(float(numbers[index])) * _MARGIN
             elif index in places:
@@ -1538,8 +1542,8 @@ class _Analysis:
             else:
                 continue
             reached[angle] = np.hypot(reached[angle], amount) * _MARGIN if angle in reached else amount
-        for index in reversed(range(len(self.nodes))):
-            if index not in reached or index not in self._in_angles:
+        for index in sorted(self._in_angles, reverse=True) if reached else ():
+            if index not in reached:
                 continue
             node = self.nodes[index]
             for arg, other in zip(node.args, reversed(node.args), strict=True):

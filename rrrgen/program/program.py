@@ -500,6 +500,22 @@ def specialization(programs: Mapping[str, Program], function: str) -> Program | 
     return next((program for program in programs.values() if program.specializes == function), None)
 
 
+def with_results(program: Program, results: Sequence[Sequence[int]]) -> Program:
+    """The nodes of a program with other results, one output for each list, without status; other nodes are dropped."""
+    kept = reachable(program.nodes, (index for row in results for index in row))
+    place = {old: new for new, old in enumerate(kept)}
+    nodes = tuple(
+        program.nodes[old]._replace(args=tuple(place[arg] for arg in program.nodes[old].args)) for old in kept
+    )
+    return program.with_fields(
+        nodes=nodes,
+        outputs=tuple(Port(f"values{k}", (len(row),)) for k, row in enumerate(results)),
+        results=tuple(tuple(place[index] for index in row) for row in results),
+        labels={},
+        status=None,
+    )
+
+
 def uses(program: Program) -> list[int]:
     """For each node, how often it occurs as an operand or as an element of an output."""
     count = [0] * len(program.nodes)
