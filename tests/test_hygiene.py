@@ -49,12 +49,13 @@ def strict(call: ast.Call) -> bool:
 class Source:
     """What a Python file calls, the functions, methods, classes and constants that it defines, and its docstrings.
 
-    ``functions`` are its functions and methods without properties, ``variables`` what it assigns to but for fields, and
-    parameters.
+    ``defined_twice`` are names that the module itself gives to two things, ``functions`` its functions and methods
+    without properties, ``variables`` what it assigns to but for fields, and parameters.
     """
 
     called: set[str]
     defined: set[str]
+    defined_twice: set[str]
     functions: set[str]
     variables: set[str]
     docstrings: dict[str, str]
@@ -86,15 +87,17 @@ def source(path: Path) -> Source:
             variables.add(node.arg)
         elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and id(node) not in fields:
             variables.add(node.id)
-    constants = {
+    constants = [
         target.id
         for node in tree.body
         if isinstance(node, ast.Assign)
         for target in node.targets
         if isinstance(target, ast.Name)
-    }
-    defined, about = constants | set(docstrings), ast.get_docstring(tree) or ""
-    return Source(called, defined, functions, variables, docstrings, about, len(text.splitlines()))
+    ]
+    definitions = [node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
+    twice = {name for name, count in Counter(constants + definitions).items() if count > 1}
+    defined, about = set(constants) | set(docstrings), ast.get_docstring(tree) or ""
+    return Source(called, defined, twice, functions, variables, docstrings, about, len(text.splitlines()))
 
 
 def prints(path: Path) -> bool:
@@ -128,6 +131,11 @@ def test_what_is_defined_is_used():
         if words[name] < 2 and not name.startswith("__")
     }
     assert not unused
+
+
+def test_no_module_gives_a_name_to_two_things():
+    """The second would silently take the place of the first, also in the functions between them."""
+    assert {identify(path): names for path in PYTHON if (names := source(path).defined_twice)} == {}
 
 
 FRAGMENTS = re.compile(r"(Of|From|See|Likewise|As :|As in|The same\.|Like :)\b")

@@ -24,7 +24,7 @@ from oracles.numeric_rank import base_parameter_count, matrix_rank
 from oracles.random_robots import random_link, random_robot, random_state, robots, to_yaml
 from rrrgen.derive.functions.recording import FunctionBuilder, parametrize
 from rrrgen.derive.functions.table import recorders
-from rrrgen.derive.parameters.base_parameters import MOST_TERMS, base_set, factor_coefficient, standard_symbols
+from rrrgen.derive.parameters.base_parameters import MOST_FACTORED_TERMS, base_set, factor_coefficient, standard_symbols
 from rrrgen.program import evaluate
 from rrrgen.robot.file import bundled_names, load_spec, loads_spec
 from rrrgen.robot.model import build_model
@@ -274,6 +274,13 @@ def test_a_quotient_with_the_sines_of_many_odd_angles_stays_one():
     assert rank(Y) == len(own.parameters) == 6
 
 
+def test_a_quotient_with_the_sines_of_few_odd_angles_is_made_rational():
+    text = ODD_SLIDE.replace("gamma: 0.4, ", "").replace("gamma: 0.34, ", "")
+    factors = [factor for dependency in derived_set(text).dependencies for factor in dependency.combination.values()]
+    assert any(factor.has(sp.sin) for factor in factors)
+    assert not any(sp.fraction(sp.together(factor))[1].has(sp.sin) for factor in factors)
+
+
 @given(st.permutations([1, 2, 3]))
 @settings(max_examples=6)
 def test_gravity_along_any_axis(order):
@@ -287,5 +294,5 @@ def test_gravity_along_any_axis(order):
 def test_sums_are_factored_unless_they_are_long():
     x, y = sp.symbols("x y")
     assert factor_coefficient(x * y + x) == x * (y + 1)
-    long = sp.Add(*(x * y**k for k in range(MOST_TERMS + 1)))
+    long = sp.Add(*(x * y**k for k in range(MOST_FACTORED_TERMS + 1)))
     assert factor_coefficient(long) is long

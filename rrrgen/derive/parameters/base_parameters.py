@@ -60,18 +60,23 @@ from rrrgen.robot.spec import STANDARD
 # magnify round-off, so the two columns that it relates change places: the earlier one is removed instead.
 # ------------------------------------------------------------------------------------------------------------------
 
-STATES = 10
+SAMPLED_STATES = 8
 """Number of sampled states: each gives the first k links k rows for at most 7 k columns, so 7 would be enough."""
 
-CHECK_STATES = 3
+CHECK_STATES = 2
+"""Number of independent states at which relations are checked. A wrong one holds at a random state with a probability
+of its degree over the prime, about 1e-16, so that one would be enough."""
 
-MOST_TERMS = 2000
+PLAIN_STATES = 10
+"""Number of states with small rational sines and cosines of one attempt to find simple rows."""
+
+MOST_PRODUCT_TERMS = 2000
 """Terms of a product with a conjugate, before like ones are added. No bundled robot or example has a denominator with a
 sine; for a slide on a turning arm behind six odd angles the products took minutes."""
 
 ROUNDS = 30
-"""Largest number of attempts, each with :data:`STATES` states, to find rows that are independent and simple; usually
-the first succeeds."""
+"""Largest number of attempts, each with :data:`PLAIN_STATES` states, to find rows that are independent and simple;
+usually the first succeeds."""
 
 
 LARGEST_FACTOR = 1e3
@@ -125,7 +130,7 @@ def find_dependencies(
 
 def _from_the_left(model: RobotModel, ring: PolynomialRing, order: list[Parameter], seed: int) -> list[Dependency]:
     """The relations of the columns that depend on others before them in ``order``."""
-    echelon, pivots = row_echelon(sampled_rows(model, order, seed, STATES))
+    echelon, pivots = row_echelon(sampled_rows(model, order, seed, SAMPLED_STATES))
     dependencies = []
     for column, parameter in enumerate(order):
         if column in pivots:
@@ -176,7 +181,7 @@ def _plain_rows(model: RobotModel, ring: PolynomialRing, columns: list[Parameter
     images = [Residue.of(constants(generator)) for generator in ring.generators]
     pool: list[list[Any]] = []
     for _ in range(ROUNDS):
-        for _ in range(STATES):
+        for _ in range(PLAIN_STATES):
             chain, dq, ddq = _rational_state(model, ring, random, 1 + max(i for i, _ in columns))
             pool += [row for row in regressor(chain, dq, ddq, columns) if any(row[:-1])]
         pool.sort(key=_terms)
@@ -217,7 +222,7 @@ def _canonical(ring: PolynomialRing, value: Any) -> sp.Expr:
         if isinstance(denominator, Polynomial):
             other = conjugate(denominator)
             if other != denominator:
-                if len(denominator.poly) ** 2 > MOST_TERMS:
+                if len(denominator.poly) ** 2 > MOST_PRODUCT_TERMS:
                     return to_expression(ring.element(value.numer)) / to_expression(ring.element(value.denom))
                 numerator, denominator = numerator * other, denominator * other
     if not isinstance(denominator, Polynomial):
@@ -379,7 +384,7 @@ def linear_expression(row: Sequence[sp.Expr], symbols: Sequence[sp.Symbol]) -> s
     return sp.Add(*(factor_coefficient(c) * s for c, s in zip(row, symbols, strict=True) if c != 0))
 
 
-MOST_TERMS = 40
+MOST_FACTORED_TERMS = 40
 """Terms of a sum up to which it is factored. Longer ones, of many odd angles, fill pages factored or not, and factoring
 them took two thirds of the time for the list of base parameters of a tree of eight joints with two slides. No bundled
 robot has sums of more than three."""
@@ -387,8 +392,8 @@ robot has sums of more than three."""
 
 @lru_cache(maxsize=4096)  # lists of parameters factor each coefficient several times
 def factor_coefficient(coefficient: sp.Expr) -> sp.Expr:
-    """The factored form of ``coefficient``; a sum of more than :data:`MOST_TERMS` terms stays as it is."""
-    return coefficient if coefficient.is_Add and len(coefficient.args) > MOST_TERMS else sp.factor(coefficient)
+    """The factored form of ``coefficient``; a sum of more than :data:`MOST_FACTORED_TERMS` terms stays as it is."""
+    return coefficient if coefficient.is_Add and len(coefficient.args) > MOST_FACTORED_TERMS else sp.factor(coefficient)
 
 
 def constants_ring(model: RobotModel) -> PolynomialRing:
@@ -437,22 +442,21 @@ def _name(parameter: Parameter, removed: dict[Parameter, Dependency]) -> str:
     return f"{entry}{i + 1}R"
 
 
-def _unit_row(width: int, position: int) -> list[Any]:
-    return [int(k == position) for k in range(width)]
-
-
 class _LinearForm:
-    """A linear form in the 10 n standard parameters, with addition and multiplication by a constant."""
+    """A linear form in the standard parameters: its coefficients that are not zero, by the number of the parameter."""
 
-    __slots__ = ("row",)
+    __slots__ = ("coefficients",)
 
-    def __init__(self, row: list[Any]) -> None:
-        self.row = row
+    def __init__(self, coefficients: dict[int, Any]) -> None:
+        self.coefficients = coefficients
 
     def __add__(self, other: Any) -> _LinearForm:
         if not isinstance(other, _LinearForm):
             return self  # a structural zero
-        return _LinearForm([x + y for x, y in zip(self.row, other.row, strict=True)])
+        total = dict(self.coefficients)
+        for k, x in other.coefficients.items():
+            total[k] = total[k] + x if k in total else x
+        return _LinearForm({k: x for k, x in total.items() if x})
 
     __radd__ = __add__
 
@@ -460,20 +464,24 @@ class _LinearForm:
         return self + (-other if isinstance(other, _LinearForm) else 0)
 
     def __neg__(self) -> _LinearForm:
-        return _LinearForm([-x for x in self.row])
+        return _LinearForm({k: -x for k, x in self.coefficients.items()})
 
     def __mul__(self, factor: Any) -> Any:
-        return _LinearForm([factor * x for x in self.row]) if factor else 0
+        return _LinearForm({k: factor * x for k, x in self.coefficients.items()}) if factor else 0
 
     __rmul__ = __mul__
+
+    def row(self, width: int) -> list[Any]:
+        """All ``width`` coefficients."""
+        return [self.coefficients.get(k, 0) for k in range(width)]
 
 
 def _regroup(model: RobotModel, ring: PolynomialRing) -> dict[Parameter, list[Any]]:
     """Express every candidate as coefficients (10 n,) of the standard parameters, after both regrouping rules."""
     width = 10 * model.links
-    phi = [[_LinearForm(_unit_row(width, 10 * i + k)) for k in range(10)] for i in range(model.links)]
+    phi = [[_LinearForm({10 * i + k: 1}) for k in range(10)] for i in range(model.links)]
     values = regroup(model, partial(exact_placement, ring), phi)
-    return {c: value.row if isinstance(value, _LinearForm) else [0] * width for c, value in values.items()}
+    return {c: value.row(width) if isinstance(value, _LinearForm) else [0] * width for c, value in values.items()}
 
 
 def regroup(

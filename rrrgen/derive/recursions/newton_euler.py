@@ -19,6 +19,9 @@ from rrrgen.derive.recursions.velocities_and_accelerations import LinkMotion, fo
 
 Wrench = tuple[Vector, Vector]
 
+NO_WRENCH: Wrench = ([0, 0, 0], [0, 0, 0])
+"""The wrench of a link without mass and inertia, recognised by its identity."""
+
 
 def inverse_dynamics(
     chain: Chain,
@@ -79,16 +82,18 @@ def composite_wrenches(chain: Chain, in_link_frame: Sequence[bool], wrenches: Se
 
     Each sum is about the origin of the joint's link, in the frame in which that link is expressed.
     """
-    totals: list[Wrench] = [([0, 0, 0], [0, 0, 0])] * chain.n
+    totals: list[Wrench] = [NO_WRENCH] * chain.n
     for i in reversed(range(chain.n)):
-        F, N = totals[i] = _sum(totals[i], wrenches[i])
+        totals[i] = _sum(totals[i], wrenches[i])
         before = chain.joints[i].parent
-        if before >= 0 and any((*F, *N)):  # a column of the regressor has no wrench beyond its own link
-            totals[before] = _sum(totals[before], _to_previous(chain, i, in_link_frame, F, N))
+        if before >= 0 and totals[i] is not NO_WRENCH:  # of a column of the regressor, beyond its own link
+            totals[before] = _sum(totals[before], _to_previous(chain, i, in_link_frame, *totals[i]))
     return totals
 
 
 def _sum(one: Wrench, other: Wrench) -> Wrench:
+    if one is NO_WRENCH or other is NO_WRENCH:
+        return other if one is NO_WRENCH else one
     return add(one[0], other[0]), add(one[1], other[1])
 
 

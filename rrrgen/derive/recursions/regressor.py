@@ -19,7 +19,7 @@ from rrrgen.derive.recursions.kinematics import to_link_frame
 from rrrgen.derive.recursions.linear_algebra import dot, is_number
 from rrrgen.derive.recursions.link_frames import Chain
 from rrrgen.derive.recursions.mass_matrix_and_gravity import BlockVelocity, velocities
-from rrrgen.derive.recursions.newton_euler import Wrench, link_wrench, pass_down
+from rrrgen.derive.recursions.newton_euler import NO_WRENCH, Wrench, link_wrench, pass_down
 from rrrgen.derive.recursions.pseudo_inertia import ENTRIES, PseudoInertia
 from rrrgen.derive.recursions.velocities_and_accelerations import LinkMotion, forward
 
@@ -59,7 +59,7 @@ def columns_passed_down(
     motions = forward(chain, dq, ddq, in_link_frame)
     columns = []
     for i, entry in parameters:
-        wrenches: list[Wrench] = [([0, 0, 0], [0, 0, 0])] * chain.n
+        wrenches = [NO_WRENCH] * chain.n
         wrenches[i] = unit_wrench(chain, motions, in_link_frame, (i, entry))
         columns.append(pass_down(chain, in_link_frame, wrenches))
     return columns
