@@ -104,7 +104,11 @@ def playground(folder: Path, runtime: Path | None, robots: tuple[str, ...], port
       rrrgen playground site --build node_modules/pyodide    # after npm install pyodide
       rrrgen playground site
     """
+    if robots and runtime is None:
+        raise click.UsageError("--robot goes with --build")
     if runtime is not None:
+        if click.get_current_context().get_parameter_source("port") is not click.core.ParameterSource.DEFAULT:
+            raise click.UsageError("--port has no effect with --build")
         build(folder, runtime, robots)
         click.echo(f"{folder} written: serve it with 'rrrgen playground {folder}'", err=True)
         return
@@ -157,6 +161,7 @@ def build(folder: Path, runtime: Path, robots: Sequence[str] = ()) -> None:
 
     if missing := [name for name in RUNTIME if not (runtime / name).is_file()]:
         raise click.UsageError(f"{runtime} is not the npm package pyodide: {missing[0]} is missing")
+    texts = {name: bundled_path(name).read_text(encoding="utf-8") for name in robots or bundled_names()}
     folder.mkdir(parents=True, exist_ok=True)
     for name in PAGE:
         text = template_text(f"playground/{name}").replace("POLICY", POLICY)
@@ -167,7 +172,6 @@ def build(folder: Path, runtime: Path, robots: Sequence[str] = ()) -> None:
     for name in RUNTIME:
         shutil.copyfile(runtime / name, folder / "pyodide" / name)
     (folder / "robots").mkdir(exist_ok=True)
-    texts = {name: bundled_path(name).read_text(encoding="utf-8") for name in robots or bundled_names()}
     for name, text in {**texts, "my_arm": OWN}.items():
         click.echo(f"deriving {name}", err=True)
         content = json.dumps(precompute(text), separators=(",", ":"))

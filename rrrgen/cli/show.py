@@ -344,6 +344,12 @@ def show(
         raise click.UsageError("give one of --latex and --json")
     if entry is not None and len(functions) != 1:
         raise click.UsageError("--entry needs exactly one --function")
+    if entry is not None and functions == (INVERSE,):
+        raise click.UsageError(f"--entry: {INVERSE} has no closed form with entries")
+    if recorded and INVERSE in functions:
+        raise click.UsageError(f"--recorded: {INVERSE} has one program, which is not optimized")
+    if as_latex and closed_forms is False and not functions:
+        raise click.UsageError("--latex prints closed forms, which --no-closed-forms leaves out")
     if html is None and (motions or runs):
         raise click.UsageError("--motion and --run go with --html")
     if recorded and not as_program:

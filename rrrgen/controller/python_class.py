@@ -6,7 +6,8 @@ This file imports nothing but NumPy, because wheels of a robot contain it as it 
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -82,6 +83,18 @@ def struct_type(description: Mapping[str, Any], real: str) -> np.dtype[Any]:
             "itemsize": description["size"],
         }
     )
+
+
+@contextmanager
+def _kept(*arrays: Any) -> Iterator[None]:
+    """Give arrays back the values that they have now if the block ends with an error, since it then changes nothing."""
+    before = [array.copy() for array in arrays]
+    try:
+        yield
+    except BaseException:
+        for array, values in zip(arrays, before, strict=True):
+            array[...] = values
+        raise
 
 
 def _take(struct: Struct, values: Mapping[str, Any]) -> None:
@@ -170,10 +183,11 @@ class Controller:
             readings: fields of the input by name.
 
         Raises:
-            ValueError: a parameter is wrong, or the readings are not finite.
+            ValueError: a parameter is wrong, or the readings are not finite; a controller that runs goes on as before.
         """
-        _take(self._input, readings)
-        self._refuse(self._call("init", self._state.ctypes.data, self._whole(), self._input.address))
+        with _kept(self._input.data, self._state):
+            _take(self._input, readings)
+            self._refuse(self._call("init", self._state.ctypes.data, self._whole(), self._input.address))
 
     def set(self, **parameters: Any) -> None:
         """Use the parameters as they are in ``params`` from the next tick on, after a change of those given by name.
@@ -182,10 +196,11 @@ class Controller:
             parameters: parameters by name.
 
         Raises:
-            ValueError: a parameter is wrong; those in use stay.
+            ValueError: a parameter is wrong; those in use stay, and those given by name are as before.
         """
-        _take(self.params, parameters)
-        self._refuse(self._call("set", self._state.ctypes.data, self._whole()))
+        with _kept(self.params.data, self._state):
+            _take(self.params, parameters)
+            self._refuse(self._call("set", self._state.ctypes.data, self._whole()))
 
     def reset(self, **readings: Any) -> None:
         """Leave a stop, the brake, or the reaction to a contact.
@@ -196,8 +211,9 @@ class Controller:
         Raises:
             ValueError: the reset is refused, since samples are not good yet, or readings not finite.
         """
-        _take(self._input, readings)
-        self._refuse(self._call("reset", self._state.ctypes.data, self._input.address))
+        with _kept(self._input.data, self._state):
+            _take(self._input, readings)
+            self._refuse(self._call("reset", self._state.ctypes.data, self._input.address))
 
     def step(
         self, *, mode: str | None = None, dt: float | None = None, sample: int | None = None, **inputs: Any
@@ -213,11 +229,13 @@ class Controller:
         Returns:
             The output: ``tau``, ``status``, ``phase`` and so on. It is overwritten by the next call.
         """
-        _take(self._input, inputs)
-        self.mode = self.mode if mode is None else mode
-        self._input.mode = self._number(self.mode)
-        self._input.dt = self.params.Ts if dt is None else dt
-        self._input.sample = (self._input.sample + 1) % 2**32 if sample is None else sample
+        wanted = self.mode if mode is None else mode
+        with _kept(self._input.data):
+            _take(self._input, inputs)
+            self._input.mode = self._number(wanted)
+            self._input.dt = self.params.Ts if dt is None else dt
+            self._input.sample = (self._input.sample + 1) % 2**32 if sample is None else sample
+        self.mode = wanted
         self._call("step", self._state.ctypes.data, self._input.address, self._output.address)
         return self._output
 
@@ -231,6 +249,8 @@ class Controller:
         Returns:
             The outputs as a structured array with one element a tick; ``result["tau"]`` is (ticks, n).
         """
+        if not inputs:
+            raise ValueError("run needs at least one field of the input, with one row a tick")
         ticks = max(len(np.atleast_1d(value)) for value in inputs.values())
         given = np.zeros(ticks, self._input.data.dtype)
         outputs = np.zeros(ticks, self._output.data.dtype)

@@ -240,7 +240,7 @@ def available_parts(model: DerivedModel) -> list[str]:
 
 
 def _choose(what: str, names: Iterable[str], known: Sequence[str]) -> list[str]:
-    chosen = list(dict.fromkeys(names))
+    chosen = [names] if isinstance(names, str) else list(dict.fromkeys(names))
     for name in chosen:
         if name not in known:
             hint = did_you_mean(name, known) or f"there are {', '.join(known)}"

@@ -395,6 +395,7 @@ def evaluate_nodes(program: Program, states: Sequence[Array], precision: Precisi
     return [np.broadcast_to(value, len(states[0])) for value in _evaluate_nodes(program, states, precision, None)]
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # states of faults overflow, as they do in C
 def _evaluate_nodes(
     program: Program, states: Sequence[Array], precision: Precision, wide: type[Any] | None
 ) -> list[Array]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import DTypeLike, NDArray
 
 
 @dataclass(frozen=True)
@@ -110,13 +110,16 @@ def batch_of(answers: Sequence[Answer], rows: int, n: int) -> IKBatch:
     return out
 
 
-def empty_batch(count: int, rows: int, n: int) -> IKBatch:
-    """Create an empty batch result for ``count`` targets, with room for ``rows`` solutions of ``n`` joints each."""
+def empty_batch(count: int, rows: int, n: int, scalar: DTypeLike = np.float64) -> IKBatch:
+    """Create an empty batch result for ``count`` targets, with room for ``rows`` solutions of ``n`` joints each.
+
+    ``scalar`` is the type of its real numbers.
+    """
     return IKBatch(
-        np.full((count, rows, n), np.nan),
+        np.full((count, rows, n), np.nan, scalar),
         np.zeros(count, np.int32),
         np.zeros((count, rows), np.uint32),
         np.zeros((count, rows), np.uint32),
         np.zeros(count, np.int32),
-        np.zeros(count),
+        np.zeros(count, scalar),
     )

@@ -22,8 +22,11 @@ def prepare(
 
     There is one value per input port. It has the shape of its port, with any leading (batch) dimensions, which are
     broadcast against each other; a value without leading dimensions is not copied for every state. Raises TypeError for
-    complex, boolean, text, object or masked arrays, ValueError for wrong shapes.
+    None, for complex, boolean, text, object or masked arrays, ValueError for wrong shapes.
     """
+    if any(value is None for value in values):
+        missing = [port.name for port, value in zip(ports, values, strict=True) if value is None]
+        raise TypeError(f"{function}: {', '.join(missing)} must be given")
     arrays: list[Array] = []
     batches: list[Batch] = []
     for port, value in zip(ports, values, strict=True):

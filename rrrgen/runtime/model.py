@@ -187,6 +187,11 @@ class Model(
         compiled = self._compiled and partial(_compile_at_loops, self._compiled, engine.loop_q)
         return Model(self.derived, engine, self._closed_form, compiled)
 
+    @property
+    def _real(self) -> Real:
+        """The floating-point type of the C code."""
+        return "double" if self.engine.dtype == np.float64 else "float"
+
     # -- inverse kinematics --------------------------------------------------------------------------------------
 
     @property
@@ -198,7 +203,7 @@ class Model(
         if self._ik is None:
             from rrrgen.runtime.inverse_kinematics import load_solver
 
-            self._ik = load_solver(self.spec, backend=self.engine.name)
+            self._ik = load_solver(self.spec, backend=self.engine.name, real=self._real)
         return self._ik
 
     def inverse_kinematics(
@@ -286,7 +291,7 @@ class Model(
 
         arm = self.tip_arm(tip)
         if tip not in self._tip_solvers:
-            self._tip_solvers[tip] = load_solver(arm.spec, backend=self.engine.name)
+            self._tip_solvers[tip] = load_solver(arm.spec, backend=self.engine.name, real=self._real)
         return self._tip_solvers[tip]
 
     def _ik_at_tip(
@@ -330,7 +335,7 @@ class Model(
         """The inverse kinematics of positions with the tool as an input."""
         from rrrgen.runtime.inverse_kinematics import load_tool_solver
 
-        return load_tool_solver(self.spec, backend=self.engine.name)
+        return load_tool_solver(self.spec, backend=self.engine.name, real=self._real)
 
     # -- more ----------------------------------------------------------------------------------------------------
 
@@ -472,8 +477,7 @@ class Model(
 
         if self.engine.name != "c":
             raise BuildError("controller runs compiled C, and this model was made with backend='numpy'")
-        real: Real = "double" if self.engine.dtype == np.float64 else "float"
-        return compiled_controller(self.spec, real, mode, modes, parts, parameters)
+        return compiled_controller(self.spec, self._real, mode, modes, parts, parameters)
 
 
 def _compile_at_loops(compiled: Callable[..., Model], loop_q: Array, *args: Any, **options: Any) -> Model:

@@ -9,11 +9,15 @@ import textwrap
 
 import pytest
 
+from rrrgen.base.errors import InputError
+from rrrgen.base.parallel import as_computed
+
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux only")
 
 OPENING = '''
 import contextlib, os, signal, threading, time
 from pathlib import Path
+from rrrgen.base.errors import InputError
 from rrrgen.base.parallel import parallel_map
 
 first = os.getpid()
@@ -204,3 +208,9 @@ def test_a_robot_is_generated_by_new_processes(fresh):
         assert files == emit(derive(spec, 1), languages=("cpp", "rust"))
         """)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_word_that_is_no_address_of_a_cluster_is_refused_at_once():
+    pytest.importorskip("distributed")
+    with pytest.raises(InputError, match="foo is no address of a Dask scheduler; it is written as tcp://host:port"):
+        list(as_computed(abs, [1, 2, 3], cluster="foo"))

@@ -6,8 +6,10 @@ import json
 import math
 
 import pytest
+from click.testing import CliRunner
 
 from cli.stated import line
+from rrrgen.cli.main import cli
 
 
 def test_what_is_not_stated_is_said(show):
@@ -31,3 +33,17 @@ def test_json_states_every_value_by_unit(robot, show):
     assert data["links"][0]["com"] == {"m": [0, -0.1, 0], "mm": [0, -100, 0]}
     assert data["links"][1]["inertia"]["about"] == "origin"
     assert data["links"][0]["inertia"]["xy"] == {"kg m^2": 0.001}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["-f", "inverse_kinematics", "--entry", "9,9"], "inverse_kinematics has no closed form with entries"),
+        (["-f", "inverse_kinematics", "--program", "--recorded"], "inverse_kinematics has one program"),
+        (["--latex", "--no-closed-forms"], "--latex prints closed forms"),
+    ],
+)
+def test_options_without_an_effect_are_refused(options, message):
+    done = CliRunner().invoke(cli, ["show", "rrr", *options])
+    assert done.exit_code == 2
+    assert message in " ".join(done.output.split())

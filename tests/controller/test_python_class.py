@@ -54,3 +54,23 @@ def test_unknown_modes_and_parts(rrr):
         rrr.controller(modes=["computed_torqe"])
     with pytest.raises(InputError, match="exclude"):
         rrr.controller(parts=["kalman", "differences"])
+    assert rrr.controller(parts="kalman").description["parts"] == ["kalman"]
+
+
+def test_a_refused_call_changes_nothing(controller):
+    unit, rest = controller(), [0.0, 0.0, 0.0]
+    unit.start(q=rest, dq=rest)
+    tick = {"q": rest, "dq": rest, "q_d": rest}
+    before = unit.step(**tick).tau.copy()
+    for refused in (
+        lambda: unit.set(kp=-3),
+        lambda: unit.start(q=np.nan),
+        lambda: unit.step(q=[1.0, 1.0, 1.0], mode="gravty"),
+        lambda: unit.step(q=[1.0, 1.0, 1.0], foo=1),
+        lambda: unit.run({}),
+    ):
+        with pytest.raises(ValueError, match=r"kp|finite|gravty|foo|at least one"):
+            refused()
+    assert unit.step().status == 0
+    np.testing.assert_allclose(unit.step().tau, before, rtol=1e-3)
+    unit.set(kd=41)

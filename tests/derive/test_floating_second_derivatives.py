@@ -207,6 +207,14 @@ def model():
     return rrrgen.compile(loads_spec(ONE_JOINT), backend="numpy")
 
 
+def test_what_is_missing_of_a_moving_base_is_named(model):
+    state = [[0.1], [0.0], [0.0]]
+    with pytest.raises(TypeError, match="floating_inverse_dynamics: twist, twist_rate must be given"):
+        model.inverse_dynamics(*state, orientation=[0, 0, 0, 1])
+    with pytest.raises(TypeError, match="floating_inverse_dynamics_hessian: twist must be given"):
+        model.inverse_dynamics_hessian(*state, np.ones(7), orientation=[0, 0, 0, 1], twist_rate=np.zeros(6))
+
+
 def test_methods_take_a_moving_base_by_keyword_parameters_and_gravity(model):
     n = model.n
     s, rng = draw(n, 7), np.random.default_rng(7)

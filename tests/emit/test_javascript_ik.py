@@ -286,3 +286,23 @@ def test_what_is_not_understood_is_a_fault():
     for body, word in (("return g(1);", "g"), ("return y;", "y"), ("long x; return 1;", "long"), ("return x[1;", "]")):
         with pytest.raises(InternalError, match=re.escape(word)):
             translate("", f"int f(const double *x) {{ {body} }}", "f", {"x": 2})
+
+
+def test_arguments_of_another_shape_are_refused(tmp_path):
+    """JavaScript would return configurations of NaN, or none."""
+    spec = load_spec("rrr")
+    (tmp_path / "robot.mjs").write_text(module(spec, identify(spec)), encoding="utf-8")
+    main = "import * as robot from './robot.mjs';\nconst T = robot.tip_pose([0.1, 0.2, 0.3]);\n"
+    for call in (
+        "inverse_kinematics(T, [0.1])",
+        "inverse_kinematics([1, 2, 3])",
+        "inverse_kinematics(null)",
+        "approach(T, [0.1])",
+        "approach([0.1, 0.2, 0.3], [0, 0, 0])",
+        "inverse_kinematics(T, ['a', 0, 0])",
+    ):
+        main += f"try {{ robot.{call}; console.log('taken'); }} catch (e) {{ console.log(e.name, e.message); }}\n"
+    (tmp_path / "main.mjs").write_text(main, encoding="utf-8")
+    ran = subprocess.run([NODE, "main.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    shape, rows = "TypeError near must have the shape [3]", "TypeError T must be three or four rows of four numbers"
+    assert ran.stdout.splitlines() == [shape, rows, rows, shape.replace("near", "q"), rows, shape]

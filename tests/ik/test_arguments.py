@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import rrrgen
 from ik.robots import robot
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.robot.file import load_spec
@@ -85,3 +86,19 @@ def test_redundancy(puma):
         panda.solve_batch(np.stack([pose(), pose()]), redundancy=[0.1, 0.2, 0.3])
     with pytest.raises(TypeError, match="values must hold real numbers"):
         panda.sweep(pose(), np.array([1j]))
+
+
+@pytest.mark.parametrize("name", ["ur5", "scara", "panda"])
+def test_a_float_model_solves_the_poses_that_it_computes(name):
+    """Their rotations are off by 1e-7, and an arm of four joints cannot meet a rounded pose to the last bit."""
+    model = rrrgen.compile(name, real="float")
+    q = np.linspace(0.3, 0.9, model.n)
+    redundancy = model.ik.parameter(q) if name == "panda" else None
+    T = model.forward_kinematics(q)
+    result = model.inverse_kinematics(T, limits=False, redundancy=redundancy)
+    assert result.q.dtype == np.float32
+    apart = np.abs(result.q - q)
+    assert np.minimum(apart, np.abs(apart - 2 * np.pi)).max(axis=1).min() < 1e-4
+    batch = model.inverse_kinematics(np.stack([T, T]), limits=False, redundancy=redundancy)
+    assert batch.q.dtype == np.float32
+    np.testing.assert_array_equal(batch.q[1, : batch.counts[1]], result.q)

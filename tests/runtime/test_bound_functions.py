@@ -70,7 +70,7 @@ def test_more_values_than_inputs_are_refused(arm):
         (np.ones(1), ValueError, r"dq must have shape \(2,\).*got \(1,\)"),
         (np.ones((2, 1)), ValueError, r"dq must have shape \(2,\).*got \(2, 1\)"),
         (np.ones((1, 2)), ValueError, r"dq of a bound function is that of one state.*\(1,\)"),
-        (None, TypeError, "dq must hold real numbers"),
+        (None, TypeError, "dq must be given"),
         (["1", "2"], TypeError, "dq must hold real numbers"),
         (Q + 0j, TypeError, "dq must hold real numbers"),
         (np.ma.masked_array(Q, [True, False]), TypeError, "dq is a masked array"),

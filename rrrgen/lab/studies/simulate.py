@@ -283,11 +283,24 @@ def _motion_to_follow(
         return _Followed(path.evaluate, path.task.duration, {}, {})
     if isinstance(motion, (str, os.PathLike)):
         series: Any = read_friction_motion(Path(motion)) or read_trajectory(Path(motion))
+        _require_joints(series, arm, str(motion))
         return _Followed(series.evaluate, series.period, {"trajectory": Path(motion)}, {})
     series = motion.trajectory if isinstance(motion, ExcitationResult) else motion
     if not hasattr(series, "evaluate"):
         raise TypeError(f"motion is of type {type(motion).__name__}, not a trajectory, a result of excite, or a file")
+    _require_joints(series, arm, "the motion")
     return _Followed(series.evaluate, series.period, {}, {"motion": series.to_json()})
+
+
+def _require_joints(series: Any, arm: RobotInput, name: str) -> None:
+    """Raise InputError if the motion ``name``, given as ``series``, is of an arm with another number of joints."""
+    import numpy as np
+
+    from rrrgen.base.errors import InputError
+
+    joints = np.shape(series.evaluate(np.zeros(1))[0])[-1]
+    if joints != arm.spec.n:
+        raise InputError(f"{name} moves {joints} joints, {arm.spec.name} has {arm.spec.n}")
 
 
 def _simulate(

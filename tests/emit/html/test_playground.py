@@ -17,9 +17,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from rrrgen import compile
-from rrrgen.cli.playground import POLICY, build, compiler_files, server
+from rrrgen.cli.main import cli
+from rrrgen.cli.playground import POLICY, RUNTIME, build, compiler_files, server
 from rrrgen.emit.html.playground import LARGEST, check, picture, precompute, results
 from rrrgen.robot.robots import bundled_path
 
@@ -230,3 +232,23 @@ def test_bundled_robots_are_prepared() -> None:
     assert "shoulder" in robot["results"]["inverse_kinematics"]
     assert robot["results"]["base_parameters"].count("<tr><td") == 15
     assert robot["results"]["closed_forms"].count("<h3>") == 4
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--robot", "rrr"], "--robot goes with --build"),
+        (["--build", "RUNTIME", "--port", "3"], "--port has no effect with --build"),
+        (["--build", "RUNTIME", "--robot", "foo"], "foo"),
+    ],
+)
+def test_options_without_an_effect_and_unknown_robots_leave_no_folder(
+    options: list[str], message: str, tmp_path: Path
+) -> None:
+    for name in RUNTIME:
+        (tmp_path / name).touch()
+    words = [str(tmp_path) if option == "RUNTIME" else option for option in options]
+    done = CliRunner().invoke(cli, ["playground", str(tmp_path / "site"), *words])
+    assert done.exit_code != 0
+    assert message in done.output + str(done.exception)
+    assert not (tmp_path / "site").exists()

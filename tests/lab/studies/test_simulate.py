@@ -1,5 +1,6 @@
 """A simulated experiment as a function, with the recording of the command."""
 
+import json
 import re
 
 import numpy as np
@@ -99,3 +100,11 @@ def test_a_writing_task_beyond_the_range_of_a_joint_is_a_warning(shift: float, b
     if beyond:
         assert re.search(r"to -0.0\d+ m, beyond its lower limit of 0 m", shown[0])
         assert re.search(r"to 0.08 m, beyond its upper limit of 0 m", shown[1])
+
+
+def test_a_motion_of_an_arm_with_another_number_of_joints_is_refused(motion, tmp_path):
+    with pytest.raises(rrrgen.InputError, match="the motion moves 2 joints, rrr has 3"):
+        rrrgen.simulate("rrr", motion)
+    (tmp_path / "excitation.json").write_text(json.dumps(motion.to_json()), encoding="utf-8")
+    with pytest.raises(rrrgen.InputError, match=r"excitation\.json moves 2 joints, pendulum has 1"):
+        rrrgen.simulate("pendulum", tmp_path / "excitation.json")
