@@ -86,7 +86,7 @@ def struct_type(description: Mapping[str, Any], real: str) -> np.dtype[Any]:
 
 
 @contextmanager
-def _kept(*arrays: Any) -> Iterator[None]:
+def _restore_on_error(*arrays: Any) -> Iterator[None]:
     """Give arrays back the values that they have now if the block ends with an error, since it then changes nothing."""
     before = [array.copy() for array in arrays]
     try:
@@ -185,7 +185,7 @@ class Controller:
         Raises:
             ValueError: a parameter is wrong, or the readings are not finite; a controller that runs goes on as before.
         """
-        with _kept(self._input.data, self._state):
+        with _restore_on_error(self._input.data, self._state):
             _take(self._input, readings)
             self._refuse(self._call("init", self._state.ctypes.data, self._whole(), self._input.address))
 
@@ -198,7 +198,7 @@ class Controller:
         Raises:
             ValueError: a parameter is wrong; those in use stay, and those given by name are as before.
         """
-        with _kept(self.params.data, self._state):
+        with _restore_on_error(self.params.data, self._state):
             _take(self.params, parameters)
             self._refuse(self._call("set", self._state.ctypes.data, self._whole()))
 
@@ -211,7 +211,7 @@ class Controller:
         Raises:
             ValueError: the reset is refused, since samples are not good yet, or readings not finite.
         """
-        with _kept(self._input.data, self._state):
+        with _restore_on_error(self._input.data, self._state):
             _take(self._input, readings)
             self._refuse(self._call("reset", self._state.ctypes.data, self._input.address))
 
@@ -230,7 +230,7 @@ class Controller:
             The output: ``tau``, ``status``, ``phase`` and so on. It is overwritten by the next call.
         """
         wanted = self.mode if mode is None else mode
-        with _kept(self._input.data):
+        with _restore_on_error(self._input.data):
             _take(self._input, inputs)
             self._input.mode = self._number(wanted)
             self._input.dt = self.params.Ts if dt is None else dt
