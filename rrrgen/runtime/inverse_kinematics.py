@@ -38,7 +38,7 @@ class _Compiled:
         out = self._ffi.new(f"{self._name}_ik_solutions *")
         extra = (given,) if self._locked else ()
         function = self._closest if closest else self._solve
-        goal, reference = self._converted(goal), self._converted(reference)
+        goal, reference = self._convert(goal), self._convert(reference)
         code = function(self._pointer(goal), self._pointer(reference), *extra, bits, out)
         k, rows, n, scalar = out.count, self._rows, self._n, self._scalar
         q = np.frombuffer(self._ffi.buffer(out.q), scalar, rows * n).reshape(rows, n)[:k].copy()
@@ -56,7 +56,7 @@ class _Compiled:
     ) -> IKBatch:
         """Solve for every target, one after the other or in one call of C."""
         out = empty_batch(len(goals), self._rows, self._n, self._scalar)
-        goals, reference, given = self._converted(goals), self._converted(reference), self._converted(given)
+        goals, reference, given = self._convert(goals), self._convert(reference), self._convert(given)
         extra = (self._pointer(given),) if self._locked else ()
         self._batch(
             len(goals), self._pointer(goals), self._pointer(reference), *extra, bits,
@@ -65,7 +65,7 @@ class _Compiled:
         )  # fmt: skip
         return out
 
-    def _converted(self, array: NDArray[Any] | None) -> Any:
+    def _convert(self, array: NDArray[Any] | None) -> Any:
         """The numbers in the type of the C code; None for None."""
         return None if array is None else np.ascontiguousarray(array, self._scalar)
 
