@@ -21,6 +21,7 @@ from rrrgen.exporting import export_robot
 from rrrgen.robot.file import load_spec, loads_spec
 from rrrgen.robot.importers.importing import import_robot
 from rrrgen.robot.importers.interface import ChainChoice
+from samples.draws import draws
 
 AGREE = 1e-12  # relative; both sides compute with doubles
 
@@ -28,7 +29,7 @@ AGREE = 1e-12  # relative; both sides compute with doubles
 @cache
 def specs():
     bundled = [load_spec(name) for name in ("rrr", "scara", "stanford", "panda")]
-    robots = [random_robot(seed, right_angles=0.5) for seed in range(6)]
+    robots = [random_robot(seed, right_angles=0.5) for seed in range(draws(3))]
     robots += [replace(robot, signs=tuple((-1, -1, 1)[i % 3] for i in range(robot.n))) for robot in robots]
     return [*bundled, *(loads_spec(to_yaml(robot)) for robot in robots)]
 
