@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from lab.data.three_joints import PLAIN, TAU, Q, T, mapped, read, table
-from rrrgen.lab.data.mapping import loads_mapping
+from rrrgen.base.errors import InputError
+from rrrgen.lab.data import tables
+from rrrgen.lab.data.mapping import FileSource, loads_mapping
+from rrrgen.lab.data.tables.formats import open_table
 
 
 def write_containers(folder):
@@ -70,3 +73,14 @@ def test_parquet(tmp_path):
     log = read(mapped(tmp_path, "log.parquet"))
     np.testing.assert_array_equal(log.q, Q)
     np.testing.assert_array_equal(log.tau, TAU)
+
+
+def test_arrays_in_memory_have_any_number_of_rows(tmp_path, monkeypatch):
+    """A file cannot hold more rows than its bytes allow; arrays in memory have no file, whose limit must not apply."""
+    monkeypatch.setattr(tables, "ROWS_PER_BYTE", 0.0)
+    values = np.arange(50.0)
+    memory = open_table(FileSource("log", tmp_path / "log", arrays={"q": values}))
+    np.testing.assert_array_equal(np.concatenate(list(memory.chunks(["q"], 20)))[:, 0], values)
+    np.savez(tmp_path / "log.npz", q=values)
+    with pytest.raises(InputError, match="50 rows, more than the file's"):
+        next(iter(open_table(FileSource("log", tmp_path / "log.npz")).chunks(["q"], 20)))

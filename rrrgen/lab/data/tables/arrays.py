@@ -108,6 +108,10 @@ class _ArrayTable:
         """The array called ``name``, None if the container has none."""
         raise KeyError(name)
 
+    def check_length(self, rows: int) -> None:
+        """Raise :class:`InputError` if the columns have more ``rows`` than the file can hold."""
+        check_rows(self.path, rows)
+
     def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
         """Iterate over blocks (up to ``size`` rows, columns) of the ``wanted`` columns.
 
@@ -121,7 +125,7 @@ class _ArrayTable:
                 raise unknown_column(self.path, name, self.columns)
             columns.append(column_of(self.path, name, array, index))
         lengths = {len(column) for column in columns}
-        check_rows(self.path, max(lengths, default=0))
+        self.check_length(max(lengths, default=0))
         if len(lengths) > 1:
             named = ", ".join(f"{name}: {len(column)}" for name, column in zip(wanted, columns, strict=True))
             raise table_fault(self.path, f"columns of different lengths ({named})")
@@ -143,6 +147,9 @@ class MemoryTable(_ArrayTable):
     def array(self, name: str) -> Any:
         """The array called ``name``, None if there is none."""
         return self.arrays.get(name)
+
+    def check_length(self, rows: int) -> None:
+        """Arrays in memory have any number of ``rows``: no file bounds them."""
 
 
 class NpyTable(_ArrayTable):
