@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.closed_loop.controller import LoopController
+from rrrgen.lab.closed_loop.fine_grid import FineGrid
 from rrrgen.lab.data.mapping import Signal
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.uniform_stream import Part, join_parts
@@ -127,15 +127,15 @@ def _stretch(
     warm = min(controller.settling * every // stride + 1, len(part) // 4)
     if len(part) - warm < SHORTEST:
         return None
-    grid = _Grid(len(part), stride)
+    grid = FineGrid(len(part), stride)
     return LoopRecording(
         t=grid.linear(part.t[:, None])[:, 0],
-        q=grid.linear(part.q),
+        q=grid.smooth(part.q),
         tau=grid.linear(part.tau),
         valid=grid.nearest(part.valid),
-        reference=grid.linear(reference),
-        reference_velocity=grid.linear(speed),
-        feedforward=grid.linear(feedforward),
+        reference=grid.smooth(reference),
+        reference_velocity=grid.smooth(speed),
+        feedforward=grid.smooth(feedforward),
         period=recording.period / stride,
         every=every,
         stride=stride,
@@ -188,19 +188,3 @@ def _ratio(controller: float, recording: float) -> tuple[int, int]:
         )
     return whole
 
-
-class _Grid:
-    """Interpolates the ``count`` samples of a recording on a time grid that is ``stride`` times as fine."""
-
-    def __init__(self, count: int, stride: int) -> None:
-        self.stride, self.count = stride, count
-        self.at = np.arange((count - 1) * stride + 1) / stride
-
-    def linear(self, values: Array) -> Array:
-        if self.stride == 1:
-            return np.ascontiguousarray(values, float)
-        numbers: Any = np.arange(self.count)
-        return np.column_stack([np.interp(self.at, numbers, column) for column in values.T])
-
-    def nearest(self, values: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        return np.asarray(values[np.floor(self.at).astype(int)])
