@@ -38,8 +38,11 @@ WANTED = {
 }
 
 
-def recorded_wheel(wanted, seconds=12.0):
-    """Arrays at 1 kHz of a wheel with viscous friction, whose torque is held between samples: solved exactly."""
+def recorded_wheel(wanted, seconds=13.0):
+    """Arrays at 1 kHz of a wheel with viscous friction, whose torque is held between samples: solved exactly.
+
+    The recording starts after a second, when the loop has settled.
+    """
     t = T * np.arange(round(seconds / T))
     rates, sizes, phases = (np.array(x)[:, None] for x in ((3.0, 8.2, 13.0), (0.5, 0.4, 0.1), (0.0, 1.0, 2.0)))
     reference = np.sum(sizes * (np.sin(rates * t + phases) - np.sin(phases)), axis=0)
@@ -57,7 +60,8 @@ def recorded_wheel(wanted, seconds=12.0):
         dq = end + (dq - end) * decay
     position, torque = np.array(rows).T
     arrays = {"t": t, "q": position, "tau": torque, "reference": reference, "feedforward": fed}
-    return arrays | ({"reference_velocity": speed} if wanted == "recorded" else {})
+    arrays |= {"reference_velocity": speed} if wanted == "recorded" else {}
+    return {key: values[round(1.0 / T) :] for key, values in arrays.items()}
 
 
 @pytest.mark.sweep(but=["difference-10", "recorded-4"])
