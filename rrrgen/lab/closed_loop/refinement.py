@@ -96,6 +96,8 @@ def _log(recording: LoopRecording, q: Array, samples: slice, joints: Sequence[st
 # ------------------------------------------------------------------------------------------------------------------
 
 SCHEMA = "rrrgen-closed-loop/1"
+FARTHER = 3.0
+"""Ratio of the position errors after and before the fit from which the loop cannot be the recorded one."""
 CARRIED = ("rigid", "inertia")  # kinds of columns whose torques load the friction
 MOST_NUMBERS = 20_000_000
 """Largest number of sensitivity entries kept in memory; longer recordings are decimated to stay below it."""
@@ -249,8 +251,28 @@ def closed_loop_estimate(
         bias=simulated_bias_check(identification, stretches, runs, names, options),
         left=loop_remainders(runs, stretches, is_scored, names, known),
         left_in_test=loop_remainders(unseen_runs, unseen, whole, names, known),
-        notes=(*assumptions(stretches, "the recordings that are fitted"), *assumptions(unseen, "the test recordings")),
+        notes=(
+            *assumptions(stretches, "the recordings that are fitted"),
+            *assumptions(unseen, "the test recordings"),
+            *position_notes(start, ended, names),
+        ),
     )
+
+
+def position_notes(start: LoopScore | None, fit: LoopScore, joints: Sequence[str]) -> list[str]:
+    """Notes for the report on ``joints`` whose simulated motion lies much farther from the recorded one after the fit.
+
+    ``start`` and ``fit`` are the scores before and after the fit of the torques. Position errors fall with the torque
+    errors where the simulated controller acts on what the recorded one acted on.
+    """
+    notes = []
+    for joint, before, after in zip(joints, start.position if start else (), fit.position, strict=start is not None):
+        if after > FARTHER * before:
+            notes.append(
+                f"note: the fit of the torques made the position error of {joint} {after / max(before, 1e-300):.2g} "
+                "times as large: reference, controller or delay are not quite those that were recorded"
+            )
+    return notes
 
 
 def _with_shapes(friction: FrictionFit, z: Array, covariance: Array, count: int) -> FrictionFit:

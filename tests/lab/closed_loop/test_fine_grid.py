@@ -78,6 +78,22 @@ def test_a_recording_slower_than_its_controller_gives_the_true_inertia(tmp_path,
     assert values["Izz1R"] == pytest.approx(INERTIA, rel=1e-3)
     assert values["fv1"] == pytest.approx(VISCOUS, rel=5e-3)
     assert "warning: controller" not in str(result)
+    assert "times as large" not in str(result)
+
+
+def test_a_fit_that_moves_the_joint_away_is_noted(tmp_path):
+    """A lag in the torque that is recorded, not in the one that acts: inertia makes up for it, the joint moves away."""
+    (tmp_path / "robot.yaml").write_text(ROBOT)
+    acting = CONTROLLER.replace("WANTED", WANTED["difference"]).replace("torque: force", "torque: late\nacts: force")
+    late = f"  lag: {{difference: reference, over: 4}}\n  late: {{sum: {{force: 1, lag: {KD}, wanted: {-KD}}}}}\n"
+    (tmp_path / "controller.yaml").write_text(acting.replace("torque:", f"{late}torque:"))
+    options = {"controller": tmp_path / "controller.yaml", "consistent": False}
+    result = rrrgen.identify(tmp_path / "robot.yaml", recorded_wheel("difference"), **options)
+    scores = result.closed_loop.start, result.closed_loop.fit
+    before, after = (score.position[0] for score in scores)
+    assert scores[1].relative_error < scores[0].relative_error
+    assert f"made the position error of wheel {after / before:.2g} times as large" in str(result)
+    assert after > 3.0 * before
 
 
 def test_smooth_signals_have_their_values_and_speeds_between_the_samples():
