@@ -205,7 +205,7 @@ class _OneJoint:
     def __init__(self, log: Log, joint: int) -> None:
         self._log, self._joint = log, slice(joint, joint + 1)
         self.joints = (log.joints[joint],)
-        self.period, self.span, self.repairs = log.period, log.span, log.repairs
+        self.period, self.span, self.repairs, self.mapping = log.period, log.span, log.repairs, log.mapping
 
     def __len__(self) -> int:
         return len(self._log)

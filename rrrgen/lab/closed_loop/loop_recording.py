@@ -15,7 +15,8 @@ from rrrgen.lab.closed_loop.controller import LoopController
 from rrrgen.lab.closed_loop.fine_grid import FineGrid
 from rrrgen.lab.data.mapping import Signal
 from rrrgen.lab.data.preprocessing import Processing
-from rrrgen.lab.data.uniform_stream import Part, join_parts
+from rrrgen.lab.data.repair import missing_number
+from rrrgen.lab.data.uniform_stream import CHUNK, Part, join_parts
 from rrrgen.lab.identify.observations import Recording, reconstruct
 
 RATE_TOLERANCE = 0.01  # relative difference from a whole ratio of the two sampling periods
@@ -119,10 +120,11 @@ def _stretch(
         raise InputError("the recording has no torques: the simulated loop could not be compared with it")
     require_inputs(controller, {name for name in NEEDED if getattr(part, name) is not None})
     every, stride = _ratio(controller.period, recording.period)
-    reference = part.q if part.reference is None else part.reference
+    reference = _finite_input(part, "reference", recording, controller, part.q)
     nothing = np.zeros_like(part.q)
-    speed = nothing if part.reference_velocity is None else part.reference_velocity
-    feedforward = nothing if part.feedforward is None else part.feedforward
+    speed, feedforward = (
+        _finite_input(part, name, recording, controller, nothing) for name in ("reference_velocity", "feedforward")
+    )
     motion = reconstruct(part, processing)
     warm = min(controller.settling * every // stride + 1, len(part) // 4)
     if len(part) - warm < SHORTEST:
@@ -145,6 +147,31 @@ def _stretch(
         start=np.concatenate([motion.q[warm], motion.dq[warm]]),
         span=recording.span,
         lacks_feedforward=part.feedforward is None and controller.uses("feedforward"),
+    )
+
+
+def _finite_input(
+    part: Part, name: Signal, recording: Recording, controller: LoopController, substitute: Array
+) -> Array:
+    """The input ``name`` (N, n) of the controller in a ``part`` of a recording; ``substitute`` if it has none.
+
+    Raises InputError if one of its values is no finite number; where the controller does not use the input, it is
+    replaced.
+    """
+    values: Array | None = getattr(part, name)
+    if values is None:
+        return substitute
+    gone = np.argwhere(~np.isfinite(values))
+    if not len(gone):
+        return values
+    if not controller.uses(name):
+        return substitute
+    mapping = getattr(recording, "mapping", None)
+    located = None if mapping is None else missing_number(mapping, name, recording.joints, CHUNK)
+    sample, joint = gone[0]
+    raise located or InputError(
+        f"the {name} of joint {recording.joints[joint]} is no finite number at t = {part.t[sample]:.6g} s: mend or cut "
+        "the recording"
     )
 
 

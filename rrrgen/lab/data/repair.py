@@ -291,6 +291,25 @@ def ordered_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator
         yield unwrap(pending)
 
 
+def missing_number(mapping: LogMapping, signal: Signal, joints: Sequence[str], size: int) -> InputError | None:
+    """The error that names file, column and row, from 1, of the first value of a ``signal`` that is no finite number.
+
+    Rows without time or positions, which are left out, do not count. ``joints`` are those that are looked at; ``size``
+    rows are read at a time. None if there is no such value.
+    """
+    places = [i for i, name in enumerate(mapping.names) if name in joints]
+    for raw in raw_rows(mapping, size, Findings()):
+        kept = np.isfinite(raw.t) & np.all(np.isfinite(raw.signals["position"]), axis=1)
+        gone = np.argwhere(~np.isfinite(raw.signals[signal][:, places]) & kept[:, None])
+        if len(gone):
+            row, place = gone[0]
+            channel = mapping.channels(signal)[places[place]]
+            file = next(source for source in mapping.files if source.name == channel.file)
+            message = f"column '{channel.column}' has no number in row {raw.first + row + 1}"
+            return table_fault(file.path, message, "mend or cut the recording")
+    return None
+
+
 def _complete(mapping: LogMapping, raw: RawRows, findings: Findings) -> RawRows:
     """The rows whose time and positions are all finite, and the twist of a floating base, whose integral is one."""
     timed = np.isfinite(raw.t)
