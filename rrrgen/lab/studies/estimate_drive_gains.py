@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rrrgen.base.errors import require
+from rrrgen.base.errors import InputError, require
 from rrrgen.lab.studies.options import OptionError, PreprocessingOptions, StudyOptions, group, with_changes
 from rrrgen.lab.studies.results import FittedResult, Run
 
@@ -106,7 +106,7 @@ def estimate_drive_gains(
     import sympy as sp
 
     from rrrgen.lab.identify.rows import standard_of
-    from rrrgen.lab.studies.sources import chosen_processing, ignore, recording_inputs, robot_input
+    from rrrgen.lab.studies.sources import chosen_processing, ignore, recording_inputs, robot_input, shared_recording
     from rrrgen.robot.file.links import physical_fault
     from rrrgen.robot.spec import LinkSpec
 
@@ -128,6 +128,8 @@ def estimate_drive_gains(
         recording_inputs(recordings, arm.spec, skip_truncated_line=skip_truncated_line, role=role)
         for recordings, role in ((empty, "log"), (loaded, "loaded"))
     )
+    if shared := shared_recording(logs, carrying):
+        raise InputError(f"{shared} is given twice, without and with the payload: the gains follow from the difference")
     processing = chosen_processing([*logs.mappings, *carrying.mappings], chosen.preprocessing)
     settings = processing.settings() | {"mass": mass, "com": point, "inertia": tensor}
     settings |= {"skip_truncated_line": skip_truncated_line, **arm.settings}

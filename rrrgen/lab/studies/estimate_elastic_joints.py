@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
-from rrrgen.base.errors import require
+from rrrgen.base.errors import InputError, require
 from rrrgen.lab.studies.options import StudyOptions, option, with_changes
 from rrrgen.lab.studies.results import FittedResult, Run
 
@@ -109,7 +109,7 @@ def estimate_elastic_joints(
     """
     chosen = with_changes(ElasticJointsOptions, options, changes)
     require("rrrgen experiment elastic-joints", "scipy")
-    from rrrgen.lab.studies.sources import ignore, recording_inputs, robot_input
+    from rrrgen.lab.studies.sources import ignore, recording_inputs, robot_input, shared_recording
 
     findings, progress = findings or ignore, progress or ignore
     arm = robot_input(robot, findings)
@@ -117,6 +117,8 @@ def estimate_elastic_joints(
     beside = None
     if links is not None:
         beside = recording_inputs(links, arm.spec, skip_truncated_line=skip_truncated_line, role="link")
+        if shared := shared_recording(logs, beside):
+            raise InputError(f"{shared} is given twice, as the positions at the motors and at the links: these differ")
     both = [logs] if beside is None else [logs, beside]
     settings = {**chosen.settings(), "skip_truncated_line": skip_truncated_line, **arm.settings}
     arrays = {key: value for inputs in both for key, value in inputs.settings.get("arrays", {}).items()}

@@ -52,6 +52,9 @@ RecordingSource = str | os.PathLike[str] | Log | Mapping[str, Any]
 
 RecordingSources = RecordingSource | Sequence[RecordingSource]
 
+Identity = tuple[Any, ...]
+"""What two sources of one recording have in common: the hash of arrays, or files and columns of the positions."""
+
 FindingsCallback = Callable[[Fault | Repairs | Cause], Any]
 """Receives what was found before the estimation: warnings of the robot file, repairs, probable faults."""
 
@@ -132,13 +135,15 @@ class RecordingInputs:
     """The recordings of a study, and what a run folder records of them.
 
     ``sources`` holds a mapping of columns for every recording that is streamed, or a recording in memory. ``files`` are
-    the files read by role, ``settings`` the hashes of arrays, ``names`` the names of the data files.
+    the files read by role, ``settings`` the hashes of arrays, ``names`` the names of the data files. ``identities``
+    tells, by role, whether two recordings are the same one.
     """
 
     sources: tuple[LogMapping | Log, ...]
     files: dict[str, Path]
     settings: dict[str, Any]
     names: tuple[str, ...]
+    identities: dict[str, Identity] = field(default_factory=dict)
 
     @property
     def floating(self) -> bool:
@@ -196,6 +201,7 @@ def recording_inputs(
     files: dict[str, Path] = {}
     hashes: dict[str, str] = {}
     names: list[str] = []
+    identities: dict[str, Identity] = {}
     for k, recording in enumerate(as_list(recordings), start=1):
         if isinstance(recording, Log):
             check_joints(recording.joints, recorded_joints(spec, recording.floating))
@@ -214,17 +220,19 @@ def recording_inputs(
             files[f"{role}{k}"] = Path(recording)
             files |= {f"{role}{k}.{source.name}": Path(source.path) for source in mapping.files}
             names += [source.path.name for source in mapping.files]
+            identities[f"{role}{k}"] = _positions_of(mapping)
         else:
             raise _foreign_recording(f"{role} {k}", recording)
     if not sources:
         raise InputError("there is no recording")
-    _refuse_repetition(files, hashes)
+    identities |= {name: (digest,) for name, digest in hashes.items()}
+    _refuse_repetition(identities, files)
     if not floating and any(source.floating for source in sources):
         raise InputError(
             "the recording has the motion of a floating base, which rrrgen identify takes; this study is for a base at "
             "rest"
         )
-    return RecordingInputs(tuple(sources), files, {"arrays": hashes} if hashes else {}, tuple(names))
+    return RecordingInputs(tuple(sources), files, {"arrays": hashes} if hashes else {}, tuple(names), identities)
 
 
 def _foreign_recording(what: str, recording: Any) -> InputError:
@@ -239,18 +247,37 @@ def _is_data_frame(data: Any) -> bool:
     return not isinstance(data, Mapping) and hasattr(data, "columns") and hasattr(data, "__getitem__")
 
 
-def _refuse_repetition(files: Mapping[str, Path], hashes: Mapping[str, str]) -> None:
+def _positions_of(mapping: LogMapping) -> Identity:
+    """Files and columns of the positions: those of another recording are others, however its mapping is called."""
+    sources = {source.name: source for source in mapping.files}
+    places: list[tuple[object, ...]] = []
+    for channel in mapping.channels("position"):
+        source = sources.get(channel.file)
+        file = () if source is None else (source.path.resolve(), source.topic)
+        places.append((*file, channel.column, channel.value))
+    return tuple(places)
+
+
+def _refuse_repetition(identities: Mapping[str, Identity], files: Mapping[str, Path]) -> None:
     """Raise InputError for a recording that is given twice: its noise would count as two independent observations.
 
-    ``files`` and ``hashes`` of arrays are those of the recordings by their role, such as ``log2``.
+    ``identities`` are those of the recordings by their role, such as ``log2``; ``files`` those that come from one.
     """
-    given: list[tuple[str, str | Path]] = [(name, path.resolve()) for name, path in files.items() if "." not in name]
-    first: dict[str | Path, str] = {}
-    for name, what in [*given, *hashes.items()]:
-        if what in first:
-            known = f"{files[name]} is given" if name in files else f"{first[what]} and {name} are one recording, given"
-            raise InputError(f"{known} twice: its noise would count as independent, and deviations come out too small")
-        first[what] = name
+    first: dict[Identity, str] = {}
+    for name, identity in identities.items():
+        if identity in first:
+            known, again = (files.get(role, Path(role)) for role in (first[identity], name))
+            same = name in files and known.resolve() == again.resolve()
+            given = f"{again} is given" if same else f"{known} and {again} are one recording, given"
+            raise InputError(f"{given} twice: its noise would count as independent, and deviations come out too small")
+        first[identity] = name
+
+
+def shared_recording(one: RecordingInputs, other: RecordingInputs) -> str | None:
+    """Name of the first recording of ``other`` that ``one`` has, too: its file, or its role if it is none; or None."""
+    known = set(one.identities.values())
+    shared = (str(other.files.get(name, name)) for name, identity in other.identities.items() if identity in known)
+    return next(shared, None)
 
 
 def single_recording(recording: RecordingSource, *, skip_truncated_line: bool = False) -> RecordingInputs:
@@ -446,6 +473,8 @@ def response_input(data: ResponseSource) -> ResponseInput:
     if isinstance(data, (str, os.PathLike)):
         response = load_response(data)
         files = {f"file {source.name}": Path(source.path) for source in response.files}
+        if not response.input.file:  # every file is a recording
+            _refuse_repetition({name: (path.resolve(),) for name, path in files.items()}, files)
         return ResponseInput(response, {"log": Path(data)} | files, {})
     recordings = [data] if isinstance(data, Mapping) or _is_data_frame(data) else list(data)
     sources, hashes = [], {}
@@ -459,6 +488,7 @@ def response_input(data: ResponseSource) -> ResponseInput:
         sources.append(FileSource(name, Path(name), arrays=columns))
     if not sources:
         raise InputError("there is no recording")
+    _refuse_repetition({name: (digest,) for name, digest in hashes.items()}, {})
     excited = ["n" in (source.arrays or {}) for source in sources]
     if any(excited) and not all(excited):
         raise InputError("some recordings have the excitation 'n' and some have not")
@@ -494,7 +524,7 @@ def read_loop(
     """Read the ``controller`` file and the recordings ``tests``, which are scored but not fitted.
 
     Raises :class:`InputError` for a controller whose joints or inputs are not those of the recordings ``recorded`` and
-    ``tests`` of the robot ``spec``.
+    ``tests`` of the robot ``spec``, and for ``tests`` that are ``recorded``, which are fitted.
     """
     if controller is None:
         if tests:
@@ -504,6 +534,8 @@ def read_loop(
     scored = None
     if tests:
         scored = recording_inputs(tests, spec, skip_truncated_line=skip_truncated, role="test")
+        if shared := shared_recording(recorded, scored):
+            raise OptionError(f"{shared} is fitted: {{tests}} are scored as recordings that were not", "tests")
     for source in (*recorded.sources, *(() if scored is None else scored.sources)):
         require_joints(loop, source.joints if isinstance(source, Log) else source.names)
         require_inputs(loop, {name for name in NEEDED if _has(source, name)})

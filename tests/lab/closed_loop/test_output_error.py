@@ -140,6 +140,18 @@ def test_a_feedforward_torque_may_be_recorded_in_the_test_alone(drive, fitted, t
     assert "; FAILED: relative error of the simulated loop" in done.output  # not of inverse dynamics without pulses
 
 
+def test_the_fitted_recording_is_no_test(drive, tmp_path):
+    """It was scored as a recording that is not fitted."""
+    folder, robot, controller, log, test = drive
+    again = folder / "again.yaml"  # another mapping file of the same data
+    again.write_text(log.read_text())
+    for named in (log, again):
+        words = ("--log", log, "--controller", controller, "--test", test, "--test", named, "-o", tmp_path / "out")
+        done = run("identify", robot, *words)
+        assert f"{named.name} is fitted: --test are scored as recordings that were not" in done.output
+        assert done.exit_code == 2
+
+
 def test_a_controller_that_does_not_fit_is_refused_before_the_fit(drive, tmp_path):
     _, robot, _, log, _ = drive
     other = tmp_path / "controller.yaml"

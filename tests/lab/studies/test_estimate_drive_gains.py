@@ -39,6 +39,11 @@ def test_exchanged_recordings_are_told_by_the_name_of_the_argument(recordings):
         rrrgen.estimate_drive_gains("planar2r", *recordings[::-1], mass=MASS, com=COM)
 
 
+def test_one_recording_cannot_be_without_and_with_the_payload(recordings):
+    with pytest.raises(rrrgen.InputError, match="loaded1 is given twice, without and with the payload"):
+        rrrgen.estimate_drive_gains("planar2r", recordings[0], [dict(recordings[0])], mass=MASS, com=COM)
+
+
 def test_torques_that_no_gains_explain_are_refused(recordings):
     degrees = [{**arrays, "q": np.degrees(arrays["q"])} for arrays in recordings]
     with pytest.raises(rrrgen.DerivationError, match="no gains explain the torques: "):

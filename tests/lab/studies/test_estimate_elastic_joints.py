@@ -44,6 +44,13 @@ def test_torques_that_are_not_explained_give_no_lines_to_write(tmp_path, capsys)
     assert "drive: {inertia: " not in repr(result)
 
 
+def test_positions_at_the_motors_are_not_those_at_the_links():
+    log = recorded(0.2, FlexibleJoints(ROTOR, STIFFNESS, DAMPING))
+    arrays = {"t": log.t, "q": log.q, "tau": log.tau}
+    with pytest.raises(rrrgen.InputError, match="link1 is given twice, as the positions at the motors and"):
+        rrrgen.estimate_elastic_joints("planar2r", arrays, links=arrays)
+
+
 def test_robots_of_other_kinds_are_refused():
     t = np.arange(100) * 1e-3
     still = {"t": t, "q": np.zeros((100, 1)), "tau": np.zeros((100, 1))}

@@ -76,3 +76,14 @@ def test_realisations_are_excited_alike(recordings):
     other = {key: values for key, values in recordings[1].items() if key != "n"}
     with pytest.raises(rrrgen.InputError, match="some recordings have the excitation"):
         rrrgen.frequency_response([recordings[0], other])
+
+
+def test_a_recording_that_is_given_twice_is_no_second_realisation(recordings, tmp_path):
+    again = {key: values.copy() for key, values in recordings[0].items()}
+    for study in (rrrgen.frequency_response, rrrgen.fit_response):
+        with pytest.raises(rrrgen.InputError, match="recording1 and recording2 are one recording, given twice"):
+            study([recordings[0], again])
+    file = written(recordings[0], tmp_path)
+    file.write_text(file.read_text().replace("recording1.npy", "[recording1.npy, ./recording1.npy]"))
+    with pytest.raises(rrrgen.InputError, match=r"recording1\.npy is given twice: its noise would count"):
+        rrrgen.frequency_response(file)

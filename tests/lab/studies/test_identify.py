@@ -194,6 +194,18 @@ def test_a_recording_that_is_given_twice_is_refused(arrays, tmp_path):
         rrrgen.identify("planar2r", [tmp_path / "log.csv", tmp_path / "." / "log.csv"], **OPTIONS)
 
 
+def test_the_same_file_by_two_mapping_files_is_one_recording(arrays, tmp_path):
+    write_log(tmp_path / "log.csv", Log(joints=("q1", "q2"), **arrays))
+    rows = "".join(
+        f"  - {{name: {name}, position: {{column: q_{name}, unit: rad}}, torque: {{column: tau_{name}, unit: N*m}}}}\n"
+        for name in ("q1", "q2")
+    )
+    head = "schema: rrrgen-log/1\nfiles: log.csv\ntime: {column: t, unit: s}\njoints:\n"
+    (tmp_path / "log.yaml").write_text(head + rows)
+    with pytest.raises(rrrgen.InputError, match=r"log\.csv and .*log\.yaml are one recording, given twice"):
+        rrrgen.identify("planar2r", [tmp_path / "log.csv", tmp_path / "log.yaml"], **OPTIONS)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
