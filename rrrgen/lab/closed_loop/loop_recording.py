@@ -214,4 +214,3 @@ def _ratio(controller: float, recording: float) -> tuple[int, int]:
             "one must be a whole multiple of the other"
         )
     return whole
-

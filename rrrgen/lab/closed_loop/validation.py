@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.base.errors import DerivationError, InputError, option_name
 from rrrgen.lab.closed_loop.controller import LoopController
 from rrrgen.lab.closed_loop.loop import CompiledLoop, LoopEquations, SimulatedLoop
 from rrrgen.lab.closed_loop.loop_recording import LoopRecording, assumptions, loop_recordings
@@ -324,7 +324,8 @@ def validate_loop(
         "all samples" if split is None or split.kind == "none" else "held out", loop, theta, stretches, is_chosen
     )
     if score is None:
-        raise InputError("no sample is left to score the simulated loop")
+        part = "" if split is None else f" ({split}): choose another {option_name('split')}"
+        raise InputError(f"no sample is left to score the simulated loop{part}")
     left = loop_remainders(runs, stretches, is_chosen, controller.names)
     return ClosedLoopValidation(
         replay_controller(loop, stretches), score, tuple(assumptions(stretches, "the recordings")), left

@@ -183,7 +183,10 @@ def tune(processing: Processing, recordings: Sequence[Recording], split: Split |
     if not by_rule:
         return Tuning(processing, period)
     samples = TUNING_SAMPLES // len(recordings)
-    positions = [(recording.period, fitted_stretches(recording, split or Split(), samples)) for recording in recordings]
+    settings = (["cutoff"] if cutoff or kalman else []) + (["decimate"] if processing.decimate is None else [])
+    positions = [
+        (recording.period, fitted_stretches(recording, split or Split(), samples, settings)) for recording in recordings
+    ]
     on = sum(step * len(stretch.q) for step, stretches in positions for stretch in stretches)
     motion: float | None = None
     spectra: Spectra = ()
@@ -224,10 +227,16 @@ class PositionStretch:
         return self.first + len(self.q)
 
 
-def fitted_stretches(recording: Recording, split: Split, limit: int = TUNING_SAMPLES) -> list[PositionStretch]:
+def fitted_stretches(
+    recording: Recording,
+    split: Split,
+    limit: int = TUNING_SAMPLES,
+    settings: Sequence[str] = ("cutoff", "decimate"),
+) -> list[PositionStretch]:
     """Uninterrupted stretches of fitted positions from the beginning of a recording, up to ``limit`` samples in all.
 
-    Raises :class:`InputError` if no stretch is long enough to tune filters on it.
+    Raises :class:`InputError` if no stretch is long enough to tune filters on it; ``settings`` name what has to be
+    stated to do without.
     """
     start, duration = recording.span
     stretches: list[PositionStretch] = []
@@ -250,9 +259,11 @@ def fitted_stretches(recording: Recording, split: Split, limit: int = TUNING_SAM
             break
     long = [stretch for stretch in stretches if len(stretch.q) >= SHORTEST]
     if not long:
+        whole = split.kind == "none"
+        stretch, remedy = ("uninterrupted", "record longer") if whole else ("fitted", "fit longer parts of the data")
         raise InputError(
-            f"no fitted stretch has the {SHORTEST} samples that filters are tuned on: split the data otherwise, or "
-            "name method, cutoff and decimate"
+            f"no {stretch} stretch has the {SHORTEST} samples that filters are tuned on: {remedy}, or name "
+            f"{' and '.join(settings)}"
         )
     return long
 

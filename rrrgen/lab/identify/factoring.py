@@ -88,6 +88,18 @@ def factor_recordings(
     return state.factors(observations)
 
 
+def no_rows(observations: Observations) -> InputError:
+    """The error for ``observations`` without any window of rows: the filter of the motion never settles, or no data."""
+    cutoff = observations.maker.processing.cutoff
+    if cutoff is None or not any(map(len, observations.recordings)):
+        return InputError("the recordings hold no samples")
+    longest = max(recording.span[1] for recording in observations.recordings)
+    return InputError(
+        f"no row is left: a filter with a cut-off of {cutoff:g} Hz needs more than the {longest:.3g} s of the longest "
+        "recording to settle; raise the cut-off frequency, or record longer"
+    )
+
+
 class _State:
     """The triangular factors of the windows merged so far, stored in a file if ``path`` is given."""
 
@@ -108,15 +120,8 @@ class _State:
 
     def factors(self, observations: Observations) -> Factors:
         """The merged factors; raises InputError if the ``observations`` have no window of rows."""
-        cutoff = observations.maker.processing.cutoff
-        if cutoff is not None and (self.fit is None or self.score is None) and any(map(len, observations.recordings)):
-            longest = max(recording.span[1] for recording in observations.recordings)
-            raise InputError(
-                f"no row is left: a filter with a cut-off of {cutoff:g} Hz needs more than the {longest:.3g} s of the "
-                "longest recording to settle; raise the cut-off frequency, or record longer"
-            )
         if self.fit is None or self.score is None:
-            raise InputError("the recordings hold no samples")
+            raise no_rows(observations)
         return Factors(self.fit, self.score)
 
     def _read(self, path: Path) -> None:

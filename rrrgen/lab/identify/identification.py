@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.errors import InputError
+from rrrgen.base.errors import InputError, option_name
 from rrrgen.derive.functions.loops import NOT_ASSEMBLED
 from rrrgen.derive.parameters.physical_links import DEFAULT_STRENGTH, Prior, default_prior
 from rrrgen.lab.data.preprocessing import Processing
@@ -378,7 +378,17 @@ def identify(
             progress=progress,
         )
     if int(np.sum(factors.fit.counts)) == 0:
-        raise InputError("no row is left to fit: check the split of the data and the lowest speed")
+        if options.split.kind == "none":
+            raise InputError("no row is left to fit: check the lowest speed")
+        raise InputError(
+            f"no row is left to fit ({options.split}): choose another {option_name('split')} or a smaller "
+            f"{option_name('guard')}, and check the lowest speed"
+        )
+    if options.split.kind == "first" and int(np.sum(factors.score.counts)) == 0:
+        raise InputError(
+            f"no row is held out ({options.split}): choose another {option_name('split')}, or a smaller "
+            f"{option_name('guard')}"
+        )
     if options.split.kind == "blocks" and int(np.sum(factors.score.counts)) == 0:
         longest = max(recording.span[1] for recording in recordings)
         raise InputError(

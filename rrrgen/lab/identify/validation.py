@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.errors import InputError
+from rrrgen.base.errors import InputError, option_name
 from rrrgen.base.tables import text_table
 from rrrgen.lab.data.preprocessing import Decimator, Processing
 from rrrgen.lab.estimate.remainder import Errors, Piece, Remainder, remainder_notes, remainder_record, remainders
 from rrrgen.lab.estimate.statistics import relative_error, rms
 from rrrgen.lab.estimate.tsqr import Rows
 from rrrgen.lab.identify.bandwidth import Tuning, reach, tune
-from rrrgen.lab.identify.factoring import ScoredRows
+from rrrgen.lab.identify.factoring import ScoredRows, no_rows
 from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, law_columns, stated_laws
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Observations, Recording, RowMaker, require_torques
@@ -213,17 +213,26 @@ def validate_recordings(
         split = split.with_guard(reach(tuning) if guard is None else guard)
     observations = Observations(tuple(recordings), RowMaker(as_column, chosen, 1, sliding=sliding))
     blocks = list(observations if split.kind == "none" else ScoredRows(observations, split))
+    if not blocks:
+        raise no_rows(observations)
+    held_out = split.kind != "none"
+    used = _undisturbed_samples(blocks, chosen.decimate or 1)
+    idle = [name for name, column in zip(recordings[0].joints, used.T, strict=True) if not column.any()]
+    if held_out and idle:
+        raise InputError(
+            f"no sample of {', '.join(idle)} is left to score ({split}): choose another {option_name('split')}, or a "
+            f"smaller {option_name('guard')}"
+        )
     left = None if noise is None else [value * noise_gain(chosen.decimate or 1) for value in noise]
     result = score_torques(
         np.concatenate([rows.t for rows in blocks]),
         np.concatenate([rows.tau for rows in blocks]),
         np.concatenate([rows.W[..., 0] for rows in blocks]),
-        used=_undisturbed_samples(blocks, chosen.decimate or 1),
+        used=used,
         joints=recordings[0].joints,
         noise=left,
         **options,
     )
-    held_out = split.kind != "none"
     labels = ("the part left out of the scores", result.label) if held_out else (result.label, "held out")
     scores = score_models(("model",), as_column, recordings, tuning, split, labels=labels, sliding=sliding)
     scores = tuple(score for score in scores if score.data == result.label)

@@ -429,6 +429,8 @@ def _estimation_options(chosen: IdentifyOptions, spec: RobotSpec, floating: bool
     )
     if chosen.cross_validate and estimation.split.kind != "none":
         raise OptionError("{cross_validate} holds out every part in turn: leave {split} away")
+    if chosen.guard is not None and estimation.split.kind == "none" and not chosen.cross_validate:
+        raise OptionError("{guard} keeps away from the borders of {split}: give a {split}, too", "guard")
     if chosen.estimate and chosen.controller is not None:
         raise OptionError(
             "{controller} simulates the loop as it was recorded: correct the recording by {estimate} first"

@@ -215,6 +215,12 @@ def validate(
     from rrrgen.lab.studies.sources import chosen_processing, ignore, read_loop, recording_inputs, robot_input
 
     findings, progress = findings or ignore, progress or ignore
+    split = Split.parse(chosen.split)
+    if chosen.guard is not None and split.kind == "none":
+        raise OptionError("{guard} keeps away from the borders of {split}: give a {split}, too", "guard")
+    named = [path for path in chosen.fitted_on if path != NO_RECORDING]
+    if named and NO_RECORDING in chosen.fitted_on:
+        raise OptionError("{fitted_on} names recordings, and none: leave one of them away", "fitted_on")
     arm = robot_input(robot, findings)
     logs = recording_inputs(recordings, arm.spec, skip_truncated_line=skip_truncated_line)
     processing = chosen_processing(logs.mappings, chosen.preprocessing)
@@ -222,11 +228,9 @@ def validate(
     if arm.model.beta is None:
         name = str(robot) if isinstance(robot, (str, os.PathLike)) else arm.spec.name
         raise OptionError(f"{name} has no links: there are no torques to score")
-    named = [path for path in chosen.fitted_on if path != NO_RECORDING]
     fitted = None
     if named:
         fitted = recording_inputs(named, arm.spec, skip_truncated_line=skip_truncated_line, role="fitted", check=False)
-    split = Split.parse(chosen.split)
     loop = read_loop(chosen.controller, (), arm.spec, logs, skip_truncated_line)
     settings = {**processing.settings(), **chosen.settings(), "skip_truncated_line": skip_truncated_line}
     settings |= arm.settings | logs.settings
@@ -279,7 +283,7 @@ def _score(
     )
     scores = None
     if controller is not None:
-        scores = validate_loop(model, controller, recordings, tune(processing, recordings).processing, split)
+        scores = validate_loop(model, controller, recordings, tune(processing, recordings).processing, result.split)
         if result.label == OWN:
             scores = replace(scores, left=())
         if by_loop:

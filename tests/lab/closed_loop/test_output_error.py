@@ -105,6 +105,16 @@ def test_the_written_robot_file_scores_the_same(drive, fitted):
     assert len(found.to_json()["held_out_notes"]) == 1
 
 
+def test_the_simulated_loop_keeps_the_guard_band_too(drive, fitted):
+    """Its samples next to the border of the split were scored although the options leave them out."""
+    options = {"controller": drive[2], "split": "first:0.5", "method": "differences"}
+    close, far = (
+        rrrgen.validate(fitted[0] / "results/robot.yaml", drive[4], guard=guard, **options).closed_loop.score
+        for guard in (0.0, 0.5)
+    )
+    assert close.count - far.count == pytest.approx(500, abs=1)  # 0.5 s at 1 kHz
+
+
 def test_another_controller_is_told(drive, fitted):
     model = rrrgen.compile(fitted[0] / "results/robot.yaml")
     recordings = [LogStream(open_log(drive[3]))]

@@ -80,3 +80,12 @@ def test_a_joint_at_rest_is_named_with_the_filter_that_takes_it(motion, tmp_path
     run = CliRunner().invoke(cli, command, standalone_mode=False)
     assert "wrist does not move at all" in str(run.exception)
     assert "--method butterworth" in str(run.exception)
+
+
+@pytest.mark.parametrize("method", ["kalman", "butterworth"])
+def test_too_few_samples_for_the_filter_are_refused_with_what_helps_here(motion, method):
+    """A reconstruction has no split that could be chosen otherwise, and no decimation."""
+    few = {"t": motion[0][:33], "q": motion[1][:33]}
+    with pytest.raises(rrrgen.InputError, match=r"no uninterrupted stretch .*: record longer, or name cutoff$"):
+        rrrgen.reconstruct(few, method=method)
+    assert len(rrrgen.reconstruct(few, method="butterworth", cutoff=20).t) == 33

@@ -81,3 +81,18 @@ def test_a_robot_without_links_has_nothing_to_score(arrays):
     spec = rrrgen.loads_spec(BARE)
     with pytest.raises(rrrgen.InputError, match="bare has no links"):
         rrrgen.validate(spec, arrays)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"guard": 1}, "^guard keeps away from the borders of split: give a split, too"),
+        ({"fitted_on": ["none", "v.csv"]}, "^fitted_on names recordings, and none"),
+        ({"split": "first:0.6", "guard": 30}, "^no sample of q1, q2 is left to score .* or a smaller guard"),
+        ({"split": "blocks:100"}, "^no sample of q1, q2 is left to score .*choose another split"),
+        ({"cutoff": 0.05}, "^no row is left: a filter with a cut-off of 0.05 Hz needs more than the 9.99 s"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(arrays, options, message):
+    with pytest.raises(rrrgen.InputError, match=message):
+        rrrgen.validate("planar2r", arrays, **options)
