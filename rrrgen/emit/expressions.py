@@ -98,17 +98,23 @@ def element_names(names: Names, port: Port, rows: int, cols: int) -> list[str]:
 
 _LINE = 116
 _GLUED = "\0=\0"
+_RETURN, _GLUED_RETURN = "return ", "return\0"
 
 
 def fold(text: str) -> list[str]:
-    """Break ``text`` into lines of at most 116 characters, at spaces inside its brackets (never around ``=``)."""
+    """Break ``text`` into lines of 116 characters, at spaces inside its brackets (never around ``=``, after ``return``).
+
+    Lines are longer where there is no such space.
+    """
     if len(text) <= _LINE:
         return [text]
     first = len(text) - len(text.lstrip())
     whole = text.strip().replace(" = ", _GLUED)
+    if whole.startswith(_RETURN):
+        whole = whole.replace(_RETURN, _GLUED_RETURN, 1)
     lines = textwrap.wrap(whole, _LINE - first - 4, break_long_words=False, break_on_hyphens=False)
     lines = [" " * first + lines[0], *(" " * (first + 4) + line for line in lines[1:])]
-    return [line.replace(_GLUED, " = ") for line in lines]
+    return [line.replace(_GLUED, " = ").replace(_GLUED_RETURN, _RETURN) for line in lines]
 
 
 def escape_docstring(text: str) -> str:

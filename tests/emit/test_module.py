@@ -24,6 +24,7 @@ from rrrgen.emit.casadi.files import casadi_programs, derivatives_of, is_reprodu
 from rrrgen.emit.casadi.function import function
 from rrrgen.program import Program, Role, evaluate
 from rrrgen.robot.file import load_spec, loads_spec
+from rrrgen.robot.spec import MAX_NAME
 
 ca = pytest.importorskip("casadi")
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc to build the emitted C")
@@ -102,6 +103,15 @@ def test_every_function_and_its_rebuilt_twin_equal_the_program(name: str, tmp_pa
         assert not any(public.endswith("_nominal") for public in programs)
     else:
         np.testing.assert_array_equal(module.BETA_NOMINAL, [float(v) for v in derived.nominal[Role.BASE_PARAMETERS]])
+
+
+def test_the_module_of_a_robot_with_a_long_name_is_python() -> None:
+    derived = model("pendulum")
+    longest = "a" * MAX_NAME + "_any_gravity"
+    text = sources(replace(derived, spec=replace(derived.spec, name=longest)))[f"{longest}_casadi.py"]
+    returned = [line.strip() for line in text.splitlines() if line.startswith("    return")]
+    assert any(len(line) > 116 for line in returned)
+    compile(text, "module", "exec")
 
 
 @pytest.fixture(scope="module")
