@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
@@ -205,8 +205,16 @@ def to_axis(z: Array) -> Array:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def friction_of(element: Element, values: Values) -> FrictionSpec | None:
-    """Viscous and Coulomb friction of a joint or a tendon; None where it states none, or zero."""
+def friction_of(element: Element, settings: Settings, values: Values) -> FrictionSpec | None:
+    """Viscous and Coulomb friction of a joint or a tendon; None where it states none, or zero, or has it disabled."""
+    viscous, coulomb = _damping(element, settings, values), values.not_negative(element, "frictionloss")
+    if settings.disabled & {"frictionloss", "constraint"}:
+        coulomb = 0.0
+    return FrictionSpec(viscous=viscous or None, coulomb=coulomb or None) if viscous or coulomb else None
+
+
+def _damping(element: Element, settings: Settings, values: Values) -> float:
+    """Viscous friction of a joint, a tendon or an actuator; 0 where it is disabled or ``springdamper`` replaces it."""
     damping = values.numbers(element, "damping", None, "0") or [0]
     if any(x != 0 for x in damping[1:]):
         values.faults.warning(element.place, "damping of higher order is left out", "friction is viscous and Coulomb")
@@ -214,16 +222,27 @@ def friction_of(element: Element, values: Values) -> FrictionSpec | None:
         values.faults.error(
             element.place_of("damping"), f"damping of <{element.tag}> is {float(damping[0]):g}", "0 or more"
         )
-    viscous, coulomb = float(damping[0]), values.not_negative(element, "frictionloss")
-    return FrictionSpec(viscous=viscous or None, coulomb=coulomb or None) if viscous or coulomb else None
+    if settings.disabled & {"damper", "passive"} or _has_spring_damper(element, values):
+        return 0.0
+    return float(damping[0])
+
+
+def _has_spring_damper(element: Element, values: Values) -> bool:
+    """Whether MuJoCo computes stiffness and damping of a joint from a time constant and a damping ratio."""
+    return any(x != 0 for x in values.numbers(element, "springdamper", None, "0") or ())
 
 
 class Actuators:
-    """Torque limits by the joint or the tendon that an actuator drives, and the fixed tendons as ``shafts``."""
+    """What actuators add to the joints or the tendons that they drive, and the fixed tendons as ``shafts``.
+
+    That is a torque limit, inertia and viscous friction, by names such as ``joint lift``.
+    """
 
     def __init__(self, root: Element, settings: Settings, values: Values, joints: Collection[str]) -> None:
         self.settings, self.values = settings, values
         self.limits: dict[str, float] = {}
+        self.inertia: dict[str, float] = defaultdict(float)
+        self.viscous: dict[str, float] = defaultdict(float)
         for part in root.all("actuator"):
             for element in part.children:
                 self._read_actuator(settings.with_defaults(element, "main", "general"))
@@ -231,18 +250,32 @@ class Actuators:
         tendons = [element for part in root.all("tendon") for element in part.children]
         self.shafts = tuple(shaft for element in tendons if (shaft := self._shaft(element, joints)) is not None)
 
-    def with_limit(self, joint: TreeJoint) -> TreeJoint:
-        """Give ``joint`` the torque limit of its actuator, unless it has a limit of its own."""
-        limit = self.limits.get(f"joint {joint.name}")
-        if limit is None or joint.limits.torque is not None:
-            return joint
-        return replace(joint, limits=replace(joint.limits, torque=limit))
+    def complete_joint(self, joint: TreeJoint) -> TreeJoint:
+        """Give ``joint`` inertia and friction of its actuators, and their limit unless it has one of its own."""
+        driven = f"joint {joint.name}"
+        limit = self.limits.get(driven) if joint.limits.torque is None else joint.limits.torque
+        inertia = self._total_inertia(driven, joint.drive.inertia if joint.drive is not None else None)
+        return replace(
+            joint,
+            limits=replace(joint.limits, torque=limit),
+            friction=self._total_friction(driven, joint.friction),
+            drive=DriveSpec(inertia=inertia) if inertia is not None else None,
+        )
+
+    def _total_inertia(self, driven: str, stated: float | None) -> float | None:
+        return (stated or 0.0) + self.inertia[driven] or None
+
+    def _total_friction(self, driven: str, stated: FrictionSpec | None) -> FrictionSpec | None:
+        if not self.viscous[driven]:
+            return stated
+        friction = stated or FrictionSpec()
+        return replace(friction, viscous=(friction.viscous or 0.0) + self.viscous[driven])
 
     def _read_actuator(self, element: Element) -> None:
-        """Add to the torque limit the largest torque that the actuator reaches in both directions.
+        """Add inertia and damping, both ``gear`` squared times, and the largest torque reached in both directions.
 
-        It is ``gear`` times the smaller end of ``forcerange``, or of ``ctrlrange`` for a motor, whichever is less; it
-        is infinite where neither limits the actuator.
+        The latter is ``gear`` times the smaller end of ``forcerange``, or of ``ctrlrange`` for a motor, whichever is
+        less; it is infinite where neither limits the actuator.
         """
         kind = next((key for key in ("joint", "tendon") if key in element.attributes), None)
         gears = self.values.numbers(element, "gear", None, "1")
@@ -256,7 +289,9 @@ class Actuators:
             span = self.values.numbers(element, name, 2) if stated else None
             if span and span[0] < 0 < span[1]:
                 torques.append(float(min(-span[0], span[1]) * abs(gears[0])))
-        driven = f"{kind} {element.attributes[kind]}"
+        driven, square = f"{kind} {element.attributes[kind]}", float(gears[0]) ** 2
+        self.inertia[driven] += square * self.values.not_negative(element, "armature")
+        self.viscous[driven] += square * _damping(element, self.settings, self.values)
         self.limits[driven] = self.limits.get(driven, 0.0) + min(torques, default=math.inf)
 
     def _shaft(self, element: Element, joints: Collection[str]) -> Shaft | None:
@@ -272,9 +307,10 @@ class Actuators:
             weights[joint] = self.values.one(joint_element, "coef")
         if any(x != 0 for x in self.values.numbers(element, "stiffness", None, "0") or ()):
             self.values.faults.warning(element.place, f"the spring of tendon '{name}' is left out", "there are none")
-        inertia = self.values.not_negative(element, "armature") or None
-        limit = self.limits.get(f"tendon {name}")
-        return Shaft(name, weights, inertia, friction_of(element, self.values), limit, element.place)
+        driven = f"tendon {name}"
+        inertia = self._total_inertia(driven, self.values.not_negative(element, "armature"))
+        friction = self._total_friction(driven, friction_of(element, self.settings, self.values))
+        return Shaft(name, weights, inertia, friction, self.limits.get(driven), element.place)
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -387,6 +423,9 @@ REFUSED = {
 }
 READ = ("worldbody", "compiler", "default", "option", "equality", "actuator", "tendon")
 WORLD = "world"
+MEDIUM = ("density", "viscosity", "wind")
+FRICTIONS = {"damper": "damping", "passive": "damping", "frictionloss": "frictionloss", "constraint": "frictionloss"}
+"""What the flags of MuJoCo disable of the friction of joints and tendons."""
 _POSE = ("pos", "quat", "euler", "axisangle", "xyaxes", "zaxis")
 ATTRIBUTES = {
     "body": ("name", "childclass", *_POSE, "gravcomp", "mocap", "sleep", "user"),
@@ -437,7 +476,7 @@ def _read(source: Source, faults: FaultList) -> Found | None:
         root.attributes.get("model", ""),
         WORLD,
         reader.bodies,
-        tuple(actuators.with_limit(joint) for joint in reader.joints.values()),
+        tuple(actuators.complete_joint(joint) for joint in reader.joints.values()),
         reader.settings.gravity,
         actuators.shafts,
         root.place,
@@ -592,12 +631,16 @@ class _MjcfReader:
             axis,
             given.place,
             self._limits(element, kind),
-            friction_of(element, self.values),
+            friction_of(element, self.settings, self.values),
             self._drive(element),
         )
         self.ref[name] = ref
         if any(x != 0 for x in self.values.numbers(element, "stiffness", None, "0") or ()):
             self.faults.warning(given.place, f"the spring of joint '{name}' is left out", "a robot file has no springs")
+        if _has_spring_damper(element, self.values):
+            message = f"spring and damper of joint '{name}' are left out"
+            hint = "springdamper replaces damping=; MuJoCo saves a file that states the latter (mj_saveLastXML)"
+            self.faults.warning(given.place_of("springdamper"), message, hint)
         return behind, back
 
     def _joint_value(self, element: Element, name: str, kind: str) -> Any:
@@ -681,7 +724,19 @@ class _MjcfReader:
 
 
 def _tell_left_out(root: Element, faults: FaultList) -> None:
-    """Warn once per kind of top-level element that has no place in a robot file, at the first of its kind."""
+    """Warn once per kind of top-level element that has no place in a robot file, at the first of its kind.
+
+    Warn of a medium around the robot too, and of friction that the file disables.
+    """
+    for option in root.all("option"):
+        medium = [name for name in MEDIUM if set(option.attributes.get(name, "0").split()) - {"0", "0.0"}]
+        if medium:
+            message = f"the medium is left out: {', '.join(medium)} of <option>"
+            faults.warning(option.place_of(medium[0]), message, "a robot file has no forces of a fluid")
+        for flag in option.all("flag"):
+            for name in (name for name in FRICTIONS if flag.attributes.get(name) == "disable"):
+                message = f"{FRICTIONS[name]} of all joints is left out: <flag> disables it"
+                faults.warning(flag.place_of(name), message, "a robot file has what is active")
     count = Counter(child.tag for child in root.children if child.tag not in READ and child.children)
     for tag, times in count.items():
         first = root.child(tag)

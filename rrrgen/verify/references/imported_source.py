@@ -18,6 +18,8 @@ STATES = 20
 SEED = 1
 AGREE = 1e-9  # relative; both sides compute with doubles, and frames up to 1 km away cost 1e-10 of the torques
 LEVERAGE = 10.0  # relative difference per rad by which angles were changed; at most 1.1 for the arms of real_urdfs
+ROOT = 6  # speeds of a free root, in front of those of the joints
+ROOT_JOINT = "free root"  # its joint in Pinocchio; its own name for it could be that of a joint of the file
 FASTEST = 2.0  # rad/s, rad/s^2 (m/s, m/s^2), largest speeds and accelerations of random states
 
 
@@ -63,7 +65,10 @@ class SourceComparison:
 
 
 class _Source(Protocol):
+    """A source as a library reads it; ``has_drives`` says whether its torques have those of rotor inertia."""
+
     name: str
+    has_drives: bool
 
     def pose(self, q: Array) -> Array: ...
 
@@ -71,7 +76,10 @@ class _Source(Protocol):
 
 
 def compare_with_source(imported: Imported, seed: int = SEED) -> SourceComparison:
-    """Compare poses of all tips and inverse dynamics (without drives) of the robot file with those of its source."""
+    """Compare poses of all tips and inverse dynamics of the robot file with those of its source.
+
+    The inertia of drives counts where the source can state it.
+    """
     assert imported.chain is not None
     try:
         source = _SOURCES[imported.format](imported.source, imported.chain)
@@ -79,7 +87,9 @@ def compare_with_source(imported: Imported, seed: int = SEED) -> SourceCompariso
         return SourceComparison(reason=str(error))
     spec = imported.spec
     phi = nominal_parameters(spec)
-    chain = replace(chain_of(spec), drive_inertia=np.zeros((spec.n, spec.n)))
+    chain = chain_of(spec)
+    if not source.has_drives:
+        chain = replace(chain, drive_inertia=np.zeros((spec.n, spec.n)))
     ours = NewtonEuler(chain, np.zeros((chain.links, 10)) if phi is None else phi)
     random = np.random.default_rng(seed)
     q = random.uniform(-np.pi, np.pi, (STATES, spec.n))
@@ -96,14 +106,19 @@ def compare_with_source(imported: Imported, seed: int = SEED) -> SourceCompariso
     explained = AGREE + LEVERAGE * imported.chain.rounded
     if phi is None:
         return SourceComparison(source.name, pose, None, "the chain has no inertia", explained)
-    torques = np.stack([source.torque(*state) for state in zip(y, dq @ S.T, ddq @ S.T, strict=True)]) @ S
+    try:
+        torques = np.stack([source.torque(*state) for state in zip(y, dq @ S.T, ddq @ S.T, strict=True)]) @ S
+    except ReferenceUnavailableError as error:
+        return SourceComparison(source.name, pose, None, str(error), explained)
     size = float(np.abs(torques).max()) or 1.0
     torque = float(np.abs(torques - ours.inverse_dynamics(q, dq, ddq)).max()) / size
     return SourceComparison(source.name, pose, torque, explained=explained)
 
 
 class _PinocchioSource:
-    """A URDF as Pinocchio reads it, with the root fixed."""
+    """A URDF as Pinocchio reads it, its root free: the base of the chain is held where it is at q = 0."""
+
+    has_drives = False
 
     def __init__(self, text: str, chain: ImportedChain) -> None:
         try:
@@ -112,8 +127,8 @@ class _PinocchioSource:
             raise ReferenceUnavailableError.at_import(error, "pin") from error
         self.name, self._pin = f"Pinocchio {pin.__version__}", pin
         try:
-            self._model: Any = pin.buildModelFromXML(text)
-        except (ValueError, RuntimeError) as error:
+            self._model: Any = pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), ROOT_JOINT)
+        except (ValueError, RuntimeError, TypeError) as error:  # TypeError: names of roots came with Pinocchio 3.3
             raise ReferenceUnavailableError(f"{self.name} refuses the file: {str(error).splitlines()[0]}") from error
         self._data = self._model.createData()
         unknown = [name for name in (chain.base, chain.tip) if not self._model.existFrame(name)]
@@ -146,18 +161,43 @@ class _PinocchioSource:
         return np.array((base.inverse() * tip).homogeneous)
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
-        speeds = []
-        for values in (dq, ddq):
-            full = np.zeros(self._model.nv)
-            for joint, value in zip(self._joints, values, strict=True):
-                full[joint.idx_v] = value
-            speeds.append(full)
-        tau = self._pin.rnea(self._model, self._data, self._positions(q), *speeds)
-        return np.array([tau[joint.idx_v] for joint in self._joints])
+        """Torques at the joints of the chain by virtual work, of motions in which the base rests.
+
+        Joint speeds ``dq`` move the root by ``-R^-1 J dq``, with the Jacobian of the base (6, 6 + joints) in columns
+        ``R`` of the root and ``J`` of the joints.
+        """
+        pin, model, data = self._pin, self._model, self._data
+        places = [joint.idx_v for joint in self._joints]
+        base = (self._frames[0], pin.ReferenceFrame.LOCAL)
+        positions = self._with_resting_base(q)
+        jacobian = pin.computeFrameJacobian(model, data, positions, *base)
+        motions = np.zeros((model.nv, len(places)))
+        motions[places, range(len(places))] = 1.0
+        motions[:ROOT] = -np.linalg.solve(jacobian[:, :ROOT], jacobian[:, places])
+        speeds, accelerations = motions @ dq, motions @ ddq
+        pin.forwardKinematics(model, data, positions, speeds, accelerations)
+        drift = pin.getFrameAcceleration(model, data, *base).vector
+        accelerations[:ROOT] -= np.linalg.solve(jacobian[:, :ROOT], drift)
+        return np.asarray(motions.T @ pin.rnea(model, data, positions, speeds, accelerations))
+
+    def _with_resting_base(self, q: Array) -> Array:
+        """Positions of all joints with the root placed so that the base is where it is at q = 0."""
+        places = []
+        for values in (np.zeros_like(q), q):
+            positions = self._positions(values)
+            self._pin.framesForwardKinematics(self._model, self._data, positions)
+            places.append(self._data.oMf[self._frames[0]].copy())
+        home, moved = places
+        positions[: self._model.joints[self._model.getJointId(ROOT_JOINT)].nq] = self._pin.SE3ToXYZQUAT(
+            home * moved.inverse()
+        )
+        return positions
 
 
 class _MujocoSource:
     """An MJCF as MuJoCo reads it, without springs, damping, limits and contacts."""
+
+    has_drives = True
 
     def __init__(self, text: str, chain: ImportedChain) -> None:
         try:
@@ -180,6 +220,8 @@ class _MujocoSource:
         held = [(self._model.joint(name), value) for name, value in chain.held.items()]
         single = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
         self._held = [(joint, value) for joint, value in held if joint.type[0] in single]
+        self._move(np.zeros(len(self._joints)))
+        self._base_at_rest = self._pose_of(self._ends[0])
 
     def _has(self, name: str, *kinds: str) -> bool:
         kind_numbers = (getattr(self._mujoco.mjtObj, f"mjOBJ_{kind}") for kind in kinds)
@@ -197,20 +239,34 @@ class _MujocoSource:
 
     def pose(self, q: Array) -> Array:
         self._move(q)
-        base, tip = np.eye(4), np.eye(4)
-        for T, end in zip((base, tip), self._ends, strict=True):
-            T[:3, :3], T[:3, 3] = np.reshape(end.xmat, (3, 3)), end.xpos
+        base, tip = (self._pose_of(end) for end in self._ends)
         return np.asarray(np.linalg.solve(base, tip))
 
+    @staticmethod
+    def _pose_of(end: Any) -> Array:
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = np.reshape(end.xmat, (3, 3)), end.xpos
+        return T
+
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Torques at the joints of the chain, those of armature included.
+
+        Raises ReferenceUnavailableError where the joints move the base, as MuJoCo holds the world instead.
+        """
+        model, data = self._model, self._data
         self._move(q)
-        self._data.qvel[:], self._data.qacc[:] = 0.0, 0.0
+        if not np.allclose(self._pose_of(self._ends[0]), self._base_at_rest, rtol=0, atol=AGREE):
+            raise ReferenceUnavailableError(f"{self.name} holds the world, and the robot file the base of the chain")
         places = [joint.dofadr[0] for joint in self._joints]
-        self._data.qvel[places], self._data.qacc[places] = dq, ddq
-        self._mujoco.mj_comVel(self._model, self._data)
-        tau = np.zeros(self._model.nv)
-        self._mujoco.mj_rne(self._model, self._data, 1, tau)
-        return tau[places]
+        data.qvel[:] = 0.0
+        data.qvel[places] = dq
+        self._mujoco.mj_comVel(model, data)
+        tau, inertial, accelerations = (np.zeros(model.nv) for _ in range(3))
+        self._mujoco.mj_rne(model, data, 0, tau)
+        accelerations[places] = ddq
+        self._mujoco.mj_fwdPosition(model, data)  # the mass matrix with armature of joints, tendons and actuators
+        self._mujoco.mj_mulM(model, data, inertial, accelerations)
+        return np.asarray((tau + inertial)[places])
 
 
 _SOURCES: dict[str, Callable[[str, ImportedChain], _Source]] = {"urdf": _PinocchioSource, "mjcf": _MujocoSource}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -414,3 +415,75 @@ def test_the_hint_for_a_free_base_can_be_followed(joint, tmp_path):
     assert [joint.name for joint in found.spec.joints] == ["bend"]
     pytest.importorskip("mujoco")
     assert compare_with_source(found).torque < AGREE
+
+
+GEARED = """<mujoco model="arm">{option}<default><motor damping="0.0002"/></default><worldbody>
+  <body name="a"><joint name="j1" axis="0 1 0" damping="0.1" frictionloss="0.2" {joint}/><geom size=".1" pos=".3 0 0"/>
+    <body name="b" pos=".4 0 0"><joint name="j2" axis="0 1 0" armature="0.5"/><geom size=".1" pos=".2 0 0"/></body>
+  </body></worldbody><tendon><fixed name="t" armature="0.1"><joint joint="j1" coef="1"/><joint joint="j2" coef="2"/>
+  </fixed><fixed name="u"><joint joint="j1" coef="1"/></fixed></tendon><actuator>{actuator}</actuator></mujoco>"""
+TENDONS = re.compile(r"<tendon>.*</tendon>", re.DOTALL)
+MOTOR = '<motor joint="j1" gear="50" armature="0.001"/>'
+
+
+def geared(folder, option="", joint="", actuator="", tendons=False):
+    text = GEARED.format(option=option, joint=joint, actuator=actuator)
+    return import_robot(write(folder, text if tendons else TENDONS.sub("", text)))
+
+
+def agrees(imported):
+    pytest.importorskip("mujoco")
+    compared = compare_with_source(imported)
+    return max(compared.pose, compared.torque) < AGREE
+
+
+def test_inertia_and_damping_of_an_actuator_act_on_its_joint(tmp_path):
+    imported = geared(tmp_path, actuator=MOTOR + MOTOR.replace("50", "-10"))
+    assert imported.spec.joints[0].drive.inertia == pytest.approx(2.5 + 0.1)
+    assert imported.spec.joints[0].friction.viscous == pytest.approx(0.1 + 0.5 + 0.02)
+    assert imported.spec.joints[1].drive.inertia == 0.5
+    assert agrees(imported)
+
+
+def test_inertia_and_damping_of_an_actuator_act_on_its_tendon(tmp_path):
+    imported = geared(tmp_path, actuator=MOTOR.replace('joint="j1"', 'tendon="t"'), tendons=True)
+    motor = imported.spec.drives.motors[0]
+    assert (motor.inertia, motor.friction.viscous) == (pytest.approx(2.6), pytest.approx(0.5))
+
+
+def test_the_comparison_sees_inertia_that_an_import_misses(tmp_path):
+    pytest.importorskip("mujoco")
+    imported = geared(tmp_path, actuator=MOTOR)
+    drive = replace(imported.spec.joints[0].drive, inertia=0.0)
+    joints = (replace(imported.spec.joints[0], drive=drive), *imported.spec.joints[1:])
+    compared = compare_with_source(replace(imported, spec=replace(imported.spec, joints=joints)))
+    assert "torques differ" in compared.contradictions
+
+
+LEFT_OUT = {
+    "springdamper": ("", 'springdamper="0.1 1"', (None, 0.2), "spring and damper of joint 'j1' are left out"),
+    "medium": ('<option density="1.2" viscosity="0" wind="0 0 1"/>', "", (0.1, 0.2), "left out: density, wind of"),
+    "damper": ('<option><flag damper="disable"/></option>', "", (None, 0.2), "damping of all joints is left out"),
+    "frictionloss": ('<option><flag frictionloss="disable"/></option>', "", (0.1, None), "frictionloss of all joints"),
+    "constraint": ('<option><flag constraint="disable"/></option>', "", (0.1, None), "frictionloss of all joints"),
+}
+
+
+@pytest.mark.parametrize("case", LEFT_OUT)
+def test_what_is_disabled_or_has_no_place_is_left_out_and_said(case, tmp_path):
+    option, joint, friction, note = LEFT_OUT[case]
+    imported = geared(tmp_path, option, joint)
+    spec = imported.spec.joints[0].friction
+    assert (spec.viscous, spec.coulomb) == friction
+    assert note in "\n".join(map(str, imported.notes))
+    assert agrees(imported)
+
+
+def test_a_chain_towards_the_world_is_compared_in_poses_only(tmp_path):
+    """MuJoCo holds the world, the robot file the base: torques of the two differ, and neither is wrong."""
+    pytest.importorskip("mujoco")
+    geared(tmp_path)
+    for base, tip, compares in (("b", "a", False), ("a", "b", True)):
+        compared = compare_with_source(import_robot(tmp_path / "arm.xml", chain=ChainChoice(base=base, tip=tip)))
+        assert (compared.pose < AGREE, compared.torque is not None) == (True, compares)
+        assert ("torques not compared: MuJoCo" in str(compared), compared.contradictions) == (not compares, "")

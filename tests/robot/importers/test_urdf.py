@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from robot.importers.random_trees import random_tree
 from robot.importers.urdf_files import AGREE, ARM, said, write
 from rrrgen.base.errors import InputError
 from rrrgen.robot.file import dumps, loads_spec
 from rrrgen.robot.importers.importing import import_robot
 from rrrgen.robot.importers.interface import ChainChoice
 from rrrgen.verify.references.imported_source import compare_with_source
+from samples.draws import draws
 
 
 def test_exact_rows_folded_links_and_what_is_left_out(tmp_path):
@@ -77,3 +81,19 @@ def test_the_hint_for_a_free_joint_can_be_followed(kind, tmp_path):
     file = write(tmp_path, ARM.replace('type="continuous"', f'type="{kind}"'))
     with pytest.raises(InputError, match="begin behind it with --base lower"):
         import_robot(file)
+
+
+def test_a_chain_towards_the_root_is_compared_with_its_base_at_rest(tmp_path):
+    """Both the reversed chain and one that begins inside; a wrong mass still shows."""
+    pytest.importorskip("pinocchio")
+    for seed in range(draws(3)):
+        text, tip = random_tree(seed)
+        file = write(tmp_path, text.replace('joint name="j0"', 'joint name="root_joint"'))
+        for base, end in ((tip, "base"), (tip, "link0"), ("link0", tip)):
+            imported = import_robot(file, chain=ChainChoice(base=base, tip=end, angle_tolerance=0.0))
+            compared = compare_with_source(imported, seed)
+            assert max(compared.pose, compared.torque) < AGREE, (seed, base, end, compared)
+            last = imported.spec.links[-1]
+            links = (*imported.spec.links[:-1], replace(last, mass=2 * last.mass))
+            wrong = compare_with_source(replace(imported, spec=replace(imported.spec, links=links)), seed)
+            assert "torques differ" in wrong.contradictions
