@@ -102,9 +102,9 @@ _RETURN, _GLUED_RETURN = "return ", "return\0"
 
 
 def fold(text: str) -> list[str]:
-    """Break ``text`` into lines of 116 characters, at spaces inside its brackets (never around ``=``, after ``return``).
+    """Break ``text`` into lines of at most 116 characters, at spaces inside its brackets.
 
-    Lines are longer where there is no such space.
+    It is never broken around ``=`` or after ``return``; lines are longer where there is no other space.
     """
     if len(text) <= _LINE:
         return [text]

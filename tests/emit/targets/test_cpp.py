@@ -168,3 +168,16 @@ def test_named_tips_have_their_solvers(tmp_path):
     run("gcc", "-c", "-O0", "hand_thumb_ik.c", cwd=tmp_path)
     run("g++", "-std=c++17", *STRICT, "-I.", "use.cpp", "hand_thumb_ik.o", "-lm", "-o", "use", cwd=tmp_path)
     run(tmp_path / "use")
+
+
+def test_a_robot_may_be_called_like_a_type_of_its_namespace(tmp_path):
+    words = ["generate", "pendulum", "-o", str(tmp_path), "--with", "cpp,control", "--no-casadi-files"]
+    assert generate(words) == 0
+    header = (tmp_path / "pendulum.hpp").read_text(encoding="utf-8")
+    assert "differential_ik_limits" in header
+    for name in ("vector", "matrix", "real"):
+        for file in tmp_path.glob("pendulum*.h*"):
+            text = file.read_text(encoding="utf-8").replace("pendulum", name).replace("PENDULUM", name.upper())
+            (tmp_path / file.name.replace("pendulum", name)).write_text(text, encoding="utf-8", newline="\n")
+        (tmp_path / "use.cpp").write_text(f'#include "{name}.hpp"\n', encoding="utf-8")
+        run("g++", "-std=c++17", "-fsyntax-only", "-I.", "use.cpp", cwd=tmp_path)
