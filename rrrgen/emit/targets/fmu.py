@@ -195,6 +195,8 @@ def _units(units: Sequence[str]) -> list[str]:
 
 
 def _notes(spec: RobotSpec) -> Iterator[str]:
+    if spec.floating_base:
+        yield "the free base is held: the plant has no motions of the base, and does not fall"
     if any(joint.limits.lower is not None or joint.limits.upper is not None for joint in spec.joints):
         yield "limits of positions are left out: the plant has no stops"
     if any(joint.friction is not None for joint in spec.joints):

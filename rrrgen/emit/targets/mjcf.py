@@ -15,7 +15,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions, unused_entries, viscous_and_coulomb
-from rrrgen.emit.targets.rigid_bodies import NumericBody, NumericChain, number, numbers, numeric_chain
+from rrrgen.emit.targets.rigid_bodies import NumericBody, NumericChain, free_name, number, numbers, numeric_chain
 from rrrgen.robot.spec import FrictionSpec, MotorSpec, RobotSpec
 
 
@@ -42,8 +42,10 @@ def _bodies(chain: NumericChain, parent: int, free: bool = False) -> Iterator[st
             if free:
                 yield "  <freejoint/>"
             inside = list(_bodies(chain, k))
-            if k == chain.tip_body:
-                inside.append(f'<site name="tip" {_place(chain.tip)}/>')
+            sites = {"tip": (chain.tip_body, chain.tip)}
+            for name, tip_body, place in chain.named_tips:
+                sites[free_name(name, sites)] = (tip_body, place)
+            inside += [f'<site name="{name}" {_place(T)}/>' for name, (carrier, T) in sites.items() if carrier == k]
             yield from ("  " + line for line in inside)
             yield "</body>"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,13 +48,15 @@ class NumericBody:
 class NumericChain:
     """Numeric kinematic chain: ``bodies``, parents first, and ``gravity`` (3,) in the base frame, m/s^2.
 
-    ``tip`` (4, 4) is the pose of the tip in the frame of the body number ``tip_body``.
+    ``tip`` (4, 4) is the pose of the tip in the frame of the body number ``tip_body``. ``named_tips`` are the tips with
+    a name: the name, the number of the body and the pose (4, 4) in its frame.
     """
 
     bodies: tuple[NumericBody, ...]
     tip: Array
     tip_body: int
     gravity: Array
+    named_tips: tuple[tuple[str, int, Array], ...] = ()
 
 
 def numeric_chain(spec: RobotSpec) -> NumericChain:
@@ -76,8 +79,19 @@ def numeric_chain(spec: RobotSpec) -> NumericChain:
         bodies.append(NumericBody(joint, parent, _zero_round_off(place), *inertia, follows, direction, fixed))
         behind.append(after)
     gravity = np.array([float(spec.nominal(g)) for g in spec.gravity])
-    tip = _zero_round_off(behind[spec.tip_row] @ homogeneous(spec, spec.tool))
-    return NumericChain(tuple(bodies), tip, spec.tip_row, gravity)
+
+    def tip_pose(row: int, tool: FixedTransform) -> Array:
+        return _zero_round_off(behind[row] @ homogeneous(spec, tool))
+
+    rows = [row.name for row in spec.rows]
+    named_tips = ((name, rows.index(tip.row), tip.tool) for name, tip in spec.tips.items())
+    return NumericChain(
+        tuple(bodies),
+        tip_pose(spec.tip_row, spec.tool),
+        spec.tip_row,
+        gravity,
+        tuple((name, row, tip_pose(row, tool)) for name, row, tool in named_tips),
+    )
 
 
 def _motion(spec: RobotSpec, i: int) -> tuple[JointSpec, tuple[tuple[str, float], ...], int]:
@@ -126,6 +140,13 @@ def homogeneous(spec: RobotSpec, transform: FixedTransform) -> Array:
 def _zero_round_off(T: Array) -> Array:
     T[np.abs(T) < _ROUND_OFF] = 0.0
     return T
+
+
+def free_name(wanted: str, taken: Collection[str]) -> str:
+    """``wanted``, with as many ``_`` behind it as make it none of the names ``taken``."""
+    while wanted in taken:
+        wanted += "_"
+    return wanted
 
 
 def numbers(values: Array) -> str:

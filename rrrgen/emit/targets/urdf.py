@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
@@ -11,7 +12,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions, unused_entries, viscous_and_coulomb
-from rrrgen.emit.targets.rigid_bodies import NumericBody, number, numbers, numeric_chain
+from rrrgen.emit.targets.rigid_bodies import NumericBody, NumericChain, free_name, number, numbers, numeric_chain
 from rrrgen.robot.spec import JointSpec, RobotSpec
 
 NO_LIMIT = "1e9"  # for limits that URDF demands and the robot file does not state; read back as none
@@ -22,17 +23,33 @@ def _write(spec: RobotSpec, _: ExportOptions) -> Exported:
     g = numbers(chain.gravity)
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(spec.name)}>"]
     if spec.description:
-        lines.append(f"  <!-- {escape(spec.description).replace('--', '-')} -->")
+        lines.append(f"  <!-- {re.sub('--+', '-', escape(spec.description))} -->")
     lines += [f"  <!-- gravity in the frame of base: {g} m/s^2 -->", '  <link name="base"/>']
     kinds = {body.joint.name: _kind(body.joint) for body in chain.bodies}
     for k, body in enumerate(chain.bodies, start=1):
         lines += _link(f"link{k}", body)
         lines += _joint(body, f"link{body.parent + 1}" if body.parent >= 0 else "base", f"link{k}", kinds)
-    lines += ['  <link name="tip"/>', '  <joint name="tip_fixed" type="fixed">', f"    {_origin(chain.tip)}"]
-    lines += [f'    <parent link="link{chain.tip_body + 1}"/>', '    <child link="tip"/>', "  </joint>"]
+    lines += _tips(chain)
     lines += _transmissions(spec)
     notes = list(_notes(spec, chain.gravity))
     return Exported({f"{spec.name}.urdf": "\n".join([*lines, "</robot>", ""])}, tuple(notes))
+
+
+def _tips(chain: NumericChain) -> Iterator[str]:
+    """XML lines of a massless link for the tip and for each tip with a name, fixed to the link that carries it."""
+    links = {"base", *(f"link{k}" for k in range(1, len(chain.bodies) + 1))}
+    joints = {body.joint.name for body in chain.bodies}
+    for name, body, place in (("tip", chain.tip_body, chain.tip), *chain.named_tips):
+        link = free_name(name, links)
+        joint = free_name(f"{link}_fixed", joints)
+        links.add(link)
+        joints.add(joint)
+        yield f'  <link name="{link}"/>'
+        yield f'  <joint name="{joint}" type="fixed">'
+        yield f"    {_origin(place)}"
+        yield f'    <parent link="link{body + 1}"/>'
+        yield f'    <child link="{link}"/>'
+        yield "  </joint>"
 
 
 def _origin(T: Array) -> str:
@@ -121,6 +138,8 @@ def _transmissions(spec: RobotSpec) -> Iterator[str]:
 
 
 def _notes(spec: RobotSpec, gravity: Array) -> Iterator[str]:
+    if spec.floating_base:
+        yield "the free base is left out: in a URDF the program that reads it decides whether the link base is free"
     if not np.allclose(gravity, (0, 0, -9.81)):
         yield f"a URDF has no gravity; the robot's is {numbers(gravity)} m/s^2 in the frame of base"
     yield from unused_entries(spec, ("gear_ratio",))

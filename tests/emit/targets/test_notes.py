@@ -61,3 +61,23 @@ def test_the_friction_of_motors_is_kept_or_named():
     assert 'damping="3" frictionloss="4"' in "".join(map(str, exported.files.values()))
     lost = {note.split(" are left out")[0] for note in exported.notes}
     assert {"friction laws", "constant torques of friction"} <= lost
+
+
+FLOATING = """
+schema: rrrgen/1
+name: floating
+convention: modified
+units: {angle: deg, length: m}
+gravity: [0, 0, -9.81]
+floating_base: {name: trunk, mass: 5, com: [0, 0, 0], inertia: {about: com, xx: 1, yy: 1, zz: 1}}
+joints:
+  - {name: a, type: revolute, parent: base, alpha: 0, a: 0, d: 0.2}
+links:
+  - {mass: 1, com: [0.1, 0, 0], inertia: {about: com, xx: 1, yy: 1, zz: 1}}
+"""
+
+
+@pytest.mark.parametrize("target", ["urdf", "fmu"])
+def test_a_base_that_is_free_no_more_is_named(target):
+    notes = export_robot(loads_spec(FLOATING), target).notes
+    assert any(note.startswith("the free base is") for note in notes), notes
