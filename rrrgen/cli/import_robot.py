@@ -85,11 +85,13 @@ def import_robot(
     """
     from rrrgen.base.files import write_file
     from rrrgen.robot.importers.importing import import_robot as read
-    from rrrgen.robot.importers.importing import parse_value
+    from rrrgen.robot.importers.importing import parse_quantity
     from rrrgen.robot.importers.interface import ChainChoice
 
-    fixed = {joint: parse_value(joint, value) for joint, value in (_pair(text, "--hold") for text in held)}
-    chain = ChainChoice(base, tips[0] if tips else "", fixed, convention, angle_tolerance, tips[1:])
+    stated = {joint: parse_quantity(joint, value) for joint, value in (_pair(text, "--hold") for text in held)}
+    fixed = {joint: value for joint, (value, _) in stated.items()}
+    units = {joint: unit for joint, (_, unit) in stated.items() if unit is not None}
+    chain = ChainChoice(base, tips[0] if tips else "", fixed, convention, angle_tolerance, tips[1:], units)
     imported = read(file, form, name, dict(_pair(value, "--set") for value in values), chain)
     path = output or Path(f"{imported.spec.name}.yaml")
     if path.exists() and not force:

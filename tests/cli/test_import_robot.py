@@ -119,3 +119,27 @@ def test_the_result_comes_first_and_shapes_in_one_line(folder, capsys, verbose):
     assert ("<visual> is left out, 3 times" in said.err) == verbose
     assert ("5 visual and collision elements left out (--verbose lists them)" in said.err) != verbose
     assert "a URDF has no gravity" in said.err
+
+
+PLAIN = """<robot name="plain"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
+<joint name="turn" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
+<joint name="lift" type="prismatic"><parent link="b"/><child link="c"/><axis xyz="0 0 1"/>
+<limit lower="0" upper="1" effort="1" velocity="1"/></joint>
+<joint name="last" type="continuous"><parent link="c"/><child link="d"/><axis xyz="0 1 0"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("held", "message"),
+    [
+        ("lift=90 deg", "joint 'lift' is prismatic: it cannot be held at a value in deg"),
+        ("turn=250 mm", "joint 'turn' is revolute: it cannot be held at a value in mm"),
+        ("turn=1 N*m", "a value in N*m"),
+        ("turn=90 deg", ""),
+        ("lift=250 mm", ""),
+        ("lift=0.25", ""),
+    ],
+)
+def test_held_values_have_units_of_their_joint(folder, capsys, held, message):
+    (folder / "plain.urdf").write_text(PLAIN, encoding="utf-8")
+    assert run(["import", "plain.urdf", "--hold", held]) == (3 if message else 0)
+    assert message in capsys.readouterr().err

@@ -15,6 +15,7 @@ from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.plugins import ROBOTS, plugins
 from rrrgen.base.yamltext.document import MAX_BYTES, FaultList, decode
 from rrrgen.base.yamltext.expressions import ExpressionError, parse_expression
+from rrrgen.base.yamltext.units import Unit
 from rrrgen.robot import importers as importers_room
 from rrrgen.robot.file.reader import read_spec
 from rrrgen.robot.file.writer import dumps
@@ -117,11 +118,16 @@ def _choose(text: str, file: str, form: str | None) -> Importer:
 
 def parse_value(name: str, text: str) -> sp.Expr:
     """The exact SI value of ``text``, a number or expression with or without a unit; ``name`` is for messages."""
+    return parse_quantity(name, text)[0]
+
+
+def parse_quantity(name: str, text: str) -> tuple[sp.Expr, Unit | None]:
+    """The exact SI value of ``text`` and its unit, None without one; ``name`` is for messages."""
     try:
         value = parse_expression(text)
     except ExpressionError as error:
         raise InputError([Fault(f"value of {name}", 1, error.offset + 1, error.message, text, error.hint)]) from None
-    return value.expr * value.unit.si() if value.unit is not None else value.expr
+    return (value.expr if value.unit is None else value.expr * value.unit.si()), value.unit
 
 
 def _from_stem(stem: str) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import sympy as sp
 
 from rrrgen.base.yamltext.document import FaultList, Place
+from rrrgen.base.yamltext.units import Unit
 from rrrgen.robot.spec import Convention, RobotSpec
 
 DEFAULT_ANGLE_TOLERANCE = 1e-5
@@ -23,8 +24,9 @@ class ChainChoice:
     """The user's choice of a serial chain in a tree of bodies, and the convention in which its rows are written.
 
     ``base`` and ``tip`` are names of links; empty for the root and for the only leaf. ``further_tips`` are links to
-    which the robot branches. ``held`` are joints that are kept at fixed values (rad, m). Angles within
-    ``angle_tolerance`` (rad) of a multiple of 15 degrees are taken as exact.
+    which the robot branches. ``held`` are joints that are kept at fixed values (rad, m), ``held_units`` the units in
+    which values were stated, for those that were stated with one. Angles within ``angle_tolerance`` (rad) of a multiple
+    of 15 degrees are taken as exact.
     """
 
     base: str = ""
@@ -33,6 +35,7 @@ class ChainChoice:
     convention: Convention = "standard"
     angle_tolerance: float = DEFAULT_ANGLE_TOLERANCE
     further_tips: tuple[str, ...] = ()
+    held_units: Mapping[str, Unit] = field(default_factory=dict)
 
 
 def warn_of_rounded_angles(changes: Iterable[float], tolerance: float, faults: FaultList) -> None:

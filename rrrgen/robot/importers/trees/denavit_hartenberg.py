@@ -310,7 +310,8 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
     if choice.further_tips and choice.convention == "standard":
         faults.error(None, "standard rows cannot branch", "--convention modified writes gamma and b for branches")
         return None
-    chain = serial_chain(tree, Ends(choice.base, choice.tip, choice.held, choice.further_tips), faults)
+    ends = Ends(choice.base, choice.tip, choice.held, choice.further_tips, choice.held_units)
+    chain = serial_chain(tree, ends, faults)
     if chain is None:
         return None
     table = denavit_hartenberg(chain, choice.convention, choice.angle_tolerance, fixed_rows=True)

@@ -10,6 +10,7 @@ import sympy as sp
 
 from rrrgen.base.yamltext.document import FaultList
 from rrrgen.base.yamltext.suggestions import did_you_mean
+from rrrgen.base.yamltext.units import QUANTITIES, Unit
 from rrrgen.robot.file.fields import MAX_JOINTS
 from rrrgen.robot.file.mechanism import mechanism_of_rows
 from rrrgen.robot.importers.trees.bodies import MOVING, NO_INERTIA, Inertia, Shaft, Tree, TreeJoint
@@ -83,12 +84,14 @@ class Ends:
     """The user's choice of a chain: names of the bodies at its ends, and joints to hold at a value (rad, m).
 
     An empty ``base`` is the root of the tree, an empty ``tip`` its only leaf; ``further`` are the tips of branches.
+    ``units`` are those in which values of held joints were stated.
     """
 
     base: str = ""
     tip: str = ""
     held: Mapping[str, Any] | None = None
     further: tuple[str, ...] = ()
+    units: Mapping[str, Unit] | None = None
 
 
 def motion(joint: TreeJoint, q: Any) -> Array:
@@ -103,7 +106,7 @@ def motion(joint: TreeJoint, q: Any) -> Array:
 def serial_chain(tree: Tree, ends: Ends, faults: FaultList) -> SerialChain | None:
     """The chain of ``tree`` between its ``ends``; None and faults where there is no such chain."""
     held = dict(ends.held or {})
-    _check_held(tree, held, faults)
+    _check_held(tree, held, ends.units or {}, faults)
     base = _body(ends.base or tree.root, tree, faults, "base")
     tip = _body(ends.tip, tree, faults, "tip") if ends.tip else _only_tip(tree, base, held, faults)
     further = [_body(name, tree, faults, "tip") for name in ends.further]
@@ -145,12 +148,17 @@ def _beside(tree: Tree, held: Mapping[str, Any], on_chain: set[str], faults: Fau
     return {name: value(joint, 0) for name, joint in joints.items() if name not in on_chain}
 
 
-def _check_held(tree: Tree, held: Mapping[str, Any], faults: FaultList) -> None:
-    names = [joint.name for joint in tree.joints if joint.kind in MOVING]
+def _check_held(tree: Tree, held: Mapping[str, Any], units: Mapping[str, Unit], faults: FaultList) -> None:
+    kinds = {joint.name: joint.kind for joint in tree.joints if joint.kind in MOVING}
     for name in held:
-        if name not in names:
-            hint = did_you_mean(name, names) or f"joints that can be held: {_list_names(names)}"
+        if name not in kinds:
+            hint = did_you_mean(name, list(kinds)) or f"joints that can be held: {_list_names(list(kinds))}"
             faults.error(None, f"there is no joint '{name}' to hold", hint)
+            continue
+        quantity, unit = QUANTITIES["angle" if kinds[name] == "revolute" else "length"], units.get(name)
+        if unit is not None and unit.dimension != quantity.dimension:
+            message = f"joint '{name}' is {kinds[name]}: it cannot be held at a value in {unit.name}"
+            faults.error(None, message, f"{quantity.name}: {', '.join(quantity.units)}")
 
 
 def _body(name: str, tree: Tree, faults: FaultList, what: str) -> str | None:
