@@ -7,11 +7,11 @@ import errno
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
-from rrrgen.base.errors import InternalError, OutputError, cannot_write, storage_error
+from rrrgen.base.errors import Fault, InputError, InternalError, OutputError, cannot_write, storage_error
 from rrrgen.base.exchange import (
     FILES,
     CannotExchangeError,
@@ -26,6 +26,7 @@ from rrrgen.base.exchange import (
 )
 
 MANIFEST = "manifest.json"
+MANIFEST_SCHEMA = "rrrgen-manifest/"
 
 INSIDE = "new"
 """Output name of a staging directory inside the output directory."""
@@ -33,14 +34,15 @@ INSIDE = "new"
 Contents = str | bytes
 
 
-def write(files: Mapping[str, Contents], directory: Path) -> None:
+def write(files: Mapping[str, Contents], directory: Path, leftovers: Collection[str] = ()) -> None:
     """Write ``files`` (relative path -> contents) below ``directory``, all or none.
 
     If the system can exchange two directories, the directory is in its old or its new state even if the process is
     killed (:mod:`rrrgen.base.exchange`). Otherwise, or if another process works in the directory and would stay in
     the old state, files are moved one by one, and the next run completes an interrupted one
-    (:mod:`rrrgen.base.exchange`). Files listed in an earlier manifest but no longer emitted are removed; other files
-    stay. Staging files of ended processes are removed. Raises OutputError if the directory cannot be written,
+    (:mod:`rrrgen.base.exchange`). Files listed in an earlier manifest but no longer emitted are removed, and so are
+    ``leftovers``; other files stay. Staging files of ended processes are removed. Raises OutputError if the directory
+    cannot be written, InputError if a file that no manifest lists would be replaced by one that the new manifest lists,
     StorageError if the disk is full.
     """
     for name in files:
@@ -58,9 +60,10 @@ def write(files: Mapping[str, Contents], directory: Path) -> None:
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
             remove_abandoned(directory, INSIDE)
             complete(directory, MANIFEST)
-            if not _is_up_to_date(files, directory):
+            if not _is_up_to_date(files, directory, leftovers):
                 _check_obstacles(files, directory)
-                _replace(files, directory)
+                _refuse_to_replace(_unknown_files(files, directory), directory)
+                _replace(files, directory, leftovers)
     except OSError as error:
         raise cannot_write(directory, error) from error
 
@@ -90,6 +93,27 @@ def _check_obstacles(files: Mapping[str, Contents], directory: Path) -> None:
                 raise OutputError(f"cannot write {place}: {directory / folder} is a file, not a directory")
 
 
+def _unknown_files(files: Mapping[str, Contents], directory: Path) -> list[str]:
+    """Those of ``files`` listed in their manifest that exist with other contents and are of no earlier run."""
+    if MANIFEST not in files:
+        return []
+    earlier, manifest = listed_files(directory), _read(directory / MANIFEST)
+    if earlier == [MANIFEST] and manifest is not None:
+        if MANIFEST_SCHEMA.encode() in manifest:  # damaged, as by a merge: nobody knows what it listed
+            return []
+        earlier = []
+    planned = [*_listed(as_bytes(files[MANIFEST])), MANIFEST]
+    new = [name for name in planned if name in files and name not in earlier and (directory / name).is_file()]
+    return [name for name in new if _read(directory / name) != as_bytes(files[name])]
+
+
+def _refuse_to_replace(names: Collection[str], directory: Path) -> None:
+    hint = "move it, or choose another folder"
+    message = "the file exists already, and no earlier run has written it"
+    if names:
+        raise InputError([Fault(str(directory / name), 0, 0, message, hint=hint) for name in names])
+
+
 @contextmanager
 def _locked_directory(directory: Path) -> Iterator[None]:
     """Lock ``directory`` against other runs of rrrgen; tries again if it was replaced while waiting for the lock."""
@@ -100,9 +124,9 @@ def _locked_directory(directory: Path) -> Iterator[None]:
                 return
 
 
-def _replace(files: Mapping[str, Contents], directory: Path) -> None:
+def _replace(files: Mapping[str, Contents], directory: Path, leftovers: Collection[str]) -> None:
     """Replace the contents of an existing directory."""
-    stale = set(listed_files(directory)) - set(files)
+    stale = _stale_files(files, directory, leftovers)
     try:
         with _staging(directory.parent, directory.name) as staging:
             _fill(staging, files)
@@ -137,11 +161,15 @@ def _fill(folder: Path, files: Mapping[str, Contents]) -> None:
         place.write_bytes(as_bytes(contents))
 
 
-def _is_up_to_date(files: Mapping[str, Contents], directory: Path) -> bool:
+def _is_up_to_date(files: Mapping[str, Contents], directory: Path, leftovers: Collection[str]) -> bool:
     """Whether every file exists with its contents, and no file is left that is no longer emitted."""
-    if set(listed_files(directory)) - set(files):
+    if _stale_files(files, directory, leftovers):
         return False
     return all(_read(directory / name) == as_bytes(contents) for name, contents in files.items())
+
+
+def _stale_files(files: Mapping[str, Contents], directory: Path, leftovers: Collection[str]) -> set[str]:
+    return {*listed_files(directory), *leftovers} - set(files)
 
 
 def _read(path: Path) -> bytes | None:
@@ -195,9 +223,12 @@ def _write_into(device: Path, contents: Contents) -> None:
         raise cannot_write(device, error) from error
 
 
-def differences(files: Mapping[str, Contents], directory: Path) -> str:
-    """A unified diff from the contents of ``directory`` to ``files``; empty if nothing would change."""
-    stale = set(listed_files(directory)) - set(files)
+def differences(files: Mapping[str, Contents], directory: Path, leftovers: Collection[str] = ()) -> str:
+    """A unified diff from the contents of ``directory`` to ``files``; empty if nothing would change.
+
+    ``leftovers`` are removed like files that an earlier manifest lists.
+    """
+    stale = _stale_files(files, directory, leftovers)
     parts = [_difference(name, files.get(name), directory / name) for name in sorted({*files, *stale})]
     return "".join(parts)
 
@@ -224,12 +255,16 @@ def _difference(name: str, new: Contents | None, place: Path) -> str:
 def listed_files(directory: Path) -> list[str]:
     """The files listed in the manifest of an earlier run, and the manifest; empty if there is none."""
     manifest = directory / MANIFEST
+    return [*_listed(_read(manifest) or b""), MANIFEST] if manifest.is_file() else []
+
+
+def _listed(manifest: bytes) -> list[str]:
+    """The files that a manifest lists; empty for a text that is none."""
     try:
-        entries = json.loads(manifest.read_text(encoding="utf-8"))["files"]
-        names = [str(PurePosixPath(_check_path(name))) for name in entries]
-    except (OSError, ValueError, KeyError, TypeError, InternalError):
-        return [MANIFEST] if manifest.is_file() else []
-    return [*names, MANIFEST]
+        entries = json.loads(manifest.decode("utf-8"))["files"]
+        return [str(PurePosixPath(_check_path(name))) for name in entries]
+    except (ValueError, KeyError, TypeError, InternalError):
+        return []
 
 
 def as_bytes(contents: Contents) -> bytes:

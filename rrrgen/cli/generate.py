@@ -453,14 +453,15 @@ def generate(
         )
     if verbose:
         _report_passes(model)
+    leftovers = _leftovers(files, output, casadi_files, with_casadi, only_check)
     if only_check:
-        diff = differences(files, output)
+        diff = differences(files, output, leftovers)
         if as_json:
             print_json({"directory": str(output), "up_to_date": not diff, "diff": diff})
         else:
             click.echo(diff or f"{output} is up to date\n", nl=False)
         return 1 if diff else 0
-    write(files, output)
+    write(files, output, leftovers)
     if verbose:
         click.echo(f"{len(files)} files in {time.perf_counter() - start:.1f} s", err=True)
     if as_json:
@@ -468,6 +469,22 @@ def generate(
     else:
         _print_summary(model, output, files)
     return 0
+
+
+def _leftovers(
+    files: dict[str, Contents], output: Path, wanted: bool | None, with_casadi: bool, only_check: bool
+) -> list[str]:
+    """The ``.casadi`` files of an earlier run to remove: those that are ``wanted`` no more, or beside other code.
+
+    Where nobody has said what is ``wanted`` and CasADi is missing, they stay beside the code that they came with.
+    """
+    from rrrgen.base.files import differences
+    from rrrgen.emit.casadi.files import leftover_files
+
+    if with_casadi and only_check:  # they are written anew, which a check does not compare
+        return []
+    unknown = wanted is None and not with_casadi
+    return [] if unknown and not differences(files, output) else leftover_files(files, output)
 
 
 def with_solver(spec: RobotSpec, method: str | None) -> RobotSpec:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from rrrgen.base.files import MANIFEST, Contents, checksum
+from rrrgen.base.files import MANIFEST, MANIFEST_SCHEMA, Contents, checksum
 from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit import Real
 from rrrgen.emit.c.stack import stack_bound
@@ -39,7 +39,7 @@ def manifest(
     """
     spec = model.spec
     content = {
-        "schema": "rrrgen-manifest/1",
+        "schema": f"{MANIFEST_SCHEMA}1",
         "robot": spec.name,
         "model_hash": identity.model_hash,
         "tool": f"rrrgen {identity.tool_version}",

@@ -150,3 +150,41 @@ def test_unknown_words_are_refused(tmp_path, capsys):
     error = capsys.readouterr().err
     assert "swing.yaml:10:17" in error
     assert "emit: 'momentum' is not allowed" in error
+
+
+def test_serialized_functions_do_not_stay_beside_other_code(tmp_path, capsys):
+    """Those of the robot are removed, also where nothing else changes; files with other names are the user's."""
+    pytest.importorskip("casadi")
+    file, output = tmp_path / "swing.yaml", tmp_path / "out"
+    file.write_text(PENDULUM)
+    words = ["generate", str(file), "-o", str(output)]
+    assert run([*words, "--with", "control"]) == 0
+    own = {path.name for path in (output / "casadi").glob("*.casadi")}
+    assert {"swing_casadi_gravity.casadi", "swing_casadi_computed_torque.casadi"} <= own
+    (output / "casadi" / "swing_casadi_mine.casadi").write_text("mine")
+    assert run(words) == 0
+    assert not (output / "casadi" / "swing_casadi_computed_torque.casadi").exists()
+    file.write_text(PENDULUM.replace("-9.81", "-1.62"))
+    assert run([*words, "--check"]) == 1
+    assert "swing_casadi_gravity.casadi" not in capsys.readouterr().out
+    assert run([*words, "--no-casadi-files", "--check"]) == 1
+    assert "--- a/casadi/swing_casadi_gravity.casadi\n+++ /dev/null" in capsys.readouterr().out
+    assert run([*words, "--no-casadi-files"]) == 0
+    assert [path.name for path in (output / "casadi").glob("*.casadi")] == ["swing_casadi_mine.casadi"]
+    assert run([*words, "--no-casadi-files", "--check"]) == 0
+
+
+def test_files_that_no_run_has_written_are_not_replaced(tmp_path, capsys):
+    output = tmp_path / "out"
+    output.mkdir()
+    for name in ("README.md", "CMakeLists.txt", "notes.txt"):
+        (output / name).write_text("mine\n")
+    (tmp_path / "swing.yaml").write_text(PENDULUM)
+    words = ["generate", str(tmp_path / "swing.yaml"), "-o", str(output), "--no-casadi-files"]
+    assert run(words) == 3
+    said = capsys.readouterr().err
+    assert f"{output / 'README.md'}: error: the file exists already, and no earlier run has written it" in said
+    assert str(output / "CMakeLists.txt") in said
+    assert {path.name: path.read_text() for path in output.iterdir()} == dict.fromkeys(
+        ("README.md", "CMakeLists.txt", "notes.txt"), "mine\n"
+    )

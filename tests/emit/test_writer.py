@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rrrgen.base import files as emit
-from rrrgen.base.errors import InternalError, OutputError, StorageError
+from rrrgen.base.errors import InputError, InternalError, OutputError, StorageError
 from rrrgen.base.files import differences, listed_files, write, write_file
 
 
@@ -177,3 +177,24 @@ def test_a_symbolic_link_stays_one(tmp_path):
         write_file(tmp_path / "link", text)
         assert (tmp_path / "file").read_text(encoding="utf-8") == text
     assert (tmp_path / "link").is_symlink()
+
+
+def test_files_of_the_user_are_not_replaced(tmp_path):
+    """They are named, and nothing changes; equal ones, those beside and those of an earlier run are no hindrance."""
+    for name, text in {"a.h": "mine\n", "manifest.json": '{"name": "app"}', "notes.txt": "mine\n"}.items():
+        (tmp_path / name).write_text(text)
+    before = tree(tmp_path)
+    with pytest.raises(InputError) as caught:
+        write(files(), tmp_path)
+    assert [fault.file for fault in caught.value.faults] == [str(tmp_path / "a.h"), str(tmp_path / "manifest.json")]
+    assert tree(tmp_path) == before
+    (tmp_path / "manifest.json").unlink()
+    (tmp_path / "a.h").write_text("1\n")
+    write(files(), tmp_path)
+    write(files(**{"a.h": "new\n"}), tmp_path)
+    (tmp_path / "more.h").write_text("mine\n")
+    with pytest.raises(InputError, match=r"more\.h"):
+        write(files(**{"more.h": "emitted\n"}), tmp_path)
+    (tmp_path / "manifest.json").write_text('<<<<<<< {"schema": "rrrgen-manifest/1"')
+    write(files(**{"more.h": "emitted\n"}), tmp_path)
+    assert tree(tmp_path)["notes.txt"] == b"mine\n"

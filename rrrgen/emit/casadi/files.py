@@ -11,6 +11,7 @@ files are written for convenience and are no part of what ``--check`` compares (
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rrrgen.base.files import Contents, as_bytes, listed_files
 from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit import Real
 from rrrgen.emit.casadi.external import External, definitions, external_files, external_sources
@@ -145,6 +147,29 @@ def serialize(model: DerivedModel) -> dict[str, bytes]:
             function(program, f"{robot}_casadi_{name}").save(str(path))
             files[path.name] = path.read_bytes()
     return files
+
+
+def leftover_files(files: Mapping[str, Contents], directory: Path) -> list[str]:
+    """The ``.casadi`` files below ``directory`` that an earlier run wrote and that are none of ``files``.
+
+    The manifest does not list them. They are known by their names: a module ``<name>_casadi.py``, of this or of the
+    earlier run, has a function of that name.
+    """
+    modules = {name for name in (*files, *listed_files(directory)) if _MODULE.fullmatch(name)}
+    leftover = []
+    for name in sorted(modules):
+        texts = [as_bytes(files[name]).decode()] if name in files else []
+        if (directory / name).is_file():
+            texts.append((directory / name).read_text(encoding="utf-8", errors="replace"))
+        for function_name in sorted({word for text in texts for word in _REBUILT.findall(text)}):
+            file = f"casadi/{function_name}.casadi"
+            if function_name.startswith(f"{Path(name).stem}_") and file not in files and (directory / file).is_file():
+                leftover.append(file)
+    return leftover
+
+
+_MODULE = re.compile(r"casadi/\w+_casadi\.py")
+_REBUILT = re.compile(r'ca\.Function\("(\w+)"')
 
 
 def is_reproducible(file: str) -> bool:
