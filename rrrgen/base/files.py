@@ -102,7 +102,7 @@ def _unknown_files(files: Mapping[str, Contents], directory: Path) -> list[str]:
         if MANIFEST_SCHEMA.encode() in manifest:  # damaged, as by a merge: nobody knows what it listed
             return []
         earlier = []
-    planned = [*_listed(as_bytes(files[MANIFEST])), MANIFEST]
+    planned = [*_files_of(as_bytes(files[MANIFEST])), MANIFEST]
     new = [name for name in planned if name in files and name not in earlier and (directory / name).is_file()]
     return [name for name in new if _read(directory / name) != as_bytes(files[name])]
 
@@ -255,10 +255,10 @@ def _difference(name: str, new: Contents | None, place: Path) -> str:
 def listed_files(directory: Path) -> list[str]:
     """The files listed in the manifest of an earlier run, and the manifest; empty if there is none."""
     manifest = directory / MANIFEST
-    return [*_listed(_read(manifest) or b""), MANIFEST] if manifest.is_file() else []
+    return [*_files_of(_read(manifest) or b""), MANIFEST] if manifest.is_file() else []
 
 
-def _listed(manifest: bytes) -> list[str]:
+def _files_of(manifest: bytes) -> list[str]:
     """The files that a manifest lists; empty for a text that is none."""
     try:
         entries = json.loads(manifest.decode("utf-8"))["files"]
