@@ -120,7 +120,11 @@ def export(
             exported = export_robot(spec, target, values, options)
         name = _alone(exported.files, exporter_of(target), output)
         places.append((exported, name, output or Path(name or f"{spec.name}_{target}")))
-    there = [path for _, name, path in places if name is not None and path.exists()]
+    files = [path for _, name, path in places if name is not None]
+    if folders := [path for path in files if path.is_dir()]:
+        hint = f"-o names a file, such as {folders[0] / str(places[0][1])}"
+        raise InputError([Fault(str(path), 0, 0, "a folder has this name", hint=hint) for path in folders])
+    there = [path for path in files if path.exists()]
     if there and not force:
         hint = "--force overwrites it"
         raise InputError([Fault(str(path), 0, 0, "the file exists already", hint=hint) for path in there])

@@ -324,7 +324,8 @@ MASSLESS = ("plane", "hfield")
 def body_inertia(element: Element, inherited: str, settings: Settings, values: Values) -> Inertia | None:
     """The inertia of a body in its frame; None where it has none, or only meshes.
 
-    Geoms of groups outside ``settings.massive_groups`` do not count.
+    Geoms of groups outside ``settings.massive_groups`` do not count. Where the file prefers geoms and a body has none
+    with a mass, the stated inertia holds.
     """
     stated = element.child("inertial")
     if stated is not None and settings.from_geoms != "true":
@@ -340,7 +341,7 @@ def body_inertia(element: Element, inherited: str, settings: Settings, values: V
         geom_inertia = _geom(complete, frame, settings, values)
         if geom_inertia is not None:
             total = geom_inertia if total is None else total + geom_inertia
-    return total
+    return _read_inertial(stated, settings, values) if total is None and stated is not None else total
 
 
 def _geoms(

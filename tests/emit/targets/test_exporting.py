@@ -74,3 +74,11 @@ def test_packages_named_by_their_suffix_are_files(tmp_path, monkeypatch):
     assert isinstance(wheel.exception, InputError)
     assert "pendulum_model-" in str(wheel.exception)
     assert not (tmp_path / "x.whl").exists()
+
+
+@pytest.mark.parametrize("force", [[], ["--force"]])
+def test_a_folder_in_the_place_of_a_file_is_called_one(tmp_path, force):
+    refused = CliRunner().invoke(cli, ["export", "pendulum", "--to", "urdf", "-o", str(tmp_path), *force])
+    assert isinstance(refused.exception, InputError)
+    assert "a folder has this name" in str(refused.exception)
+    assert str(tmp_path / "pendulum.urdf") in str(refused.exception)

@@ -487,3 +487,12 @@ def test_a_chain_towards_the_world_is_compared_in_poses_only(tmp_path):
         compared = compare_with_source(import_robot(tmp_path / "arm.xml", chain=ChainChoice(base=base, tip=tip)))
         assert (compared.pose < AGREE, compared.torque is not None) == (True, compares)
         assert ("torques not compared: MuJoCo" in str(compared), compared.contradictions) == (not compares, "")
+
+
+@pytest.mark.parametrize(("group", "mass"), [("", 1000 * 4 / 3 * np.pi * 0.1**3), ('group="2"', 5.0)])
+def test_a_body_without_massive_geoms_keeps_its_inertia_where_geoms_come_first(group, mass, tmp_path):
+    stated = '<inertial pos="0.1 0 0" mass="5" diaginertia="1 1 1"/><geom ' + group
+    text = PENDULUM.replace("<worldbody>", '<compiler inertiafromgeom="true" inertiagrouprange="0 1"/><worldbody>')
+    imported = import_robot(write(tmp_path, text.replace("<geom", stated)))
+    assert imported.spec.links[0].mass == pytest.approx(mass)
+    assert agrees(imported)

@@ -97,3 +97,16 @@ def test_a_chain_towards_the_root_is_compared_with_its_base_at_rest(tmp_path):
             links = (*imported.spec.links[:-1], replace(last, mass=2 * last.mass))
             wrong = compare_with_source(replace(imported, spec=replace(imported.spec, links=links)), seed)
             assert "torques differ" in wrong.contradictions
+
+
+def test_a_mimic_joint_of_multiplier_zero_is_fixed_and_loses_its_limits(tmp_path):
+    text = ARM.replace(
+        '<child link="lower"/>', '<child link="lower"/><mimic joint="lift" multiplier="0" offset="0.7"/>'
+        '<limit lower="-0.5" upper="0.9" velocity="0.5" effort="2"/>'
+    ).replace('type="continuous"', 'type="revolute"')  # fmt: skip
+    imported = import_robot(write(tmp_path, text), chain=ChainChoice(angle_tolerance=0.0))
+    assert [[float(v) for v in row] for row in imported.spec.mechanism.matrix] == [[1.0], [0.0]]
+    assert imported.spec.joints[0].limits.velocity == 1.5
+    pytest.importorskip("pinocchio")
+    compared = compare_with_source(imported)
+    assert max(compared.pose, compared.torque) < AGREE

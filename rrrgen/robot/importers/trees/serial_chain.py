@@ -420,7 +420,8 @@ def with_followers(
         offset = {"theta" if row.is_revolute else "d": (row.theta if row.is_revolute else row.d) + followed.offset}
         rows[followed.of] = _carrying(rows[followed.of], row, float(followed.factor))
         # limits count from the zero of the row's own variable, which now is the offset
-        bounds = (None if v is None else v - float(followed.offset) for v in (row.limits.lower, row.limits.upper))
+        ends = (row.limits.lower, row.limits.upper) if followed.factor != 0 else (None, None)  # a fixed one has none
+        bounds = (None if v is None else v - float(followed.offset) for v in ends)
         rows[k] = replace(row, limits=Limits(*bounds), friction=None, drive=None, **offset)
         matrix[-1] = [value * followed.factor for value in matrix[-1]]
         place = chain.joints[places[k] or 0].joint.place
