@@ -190,12 +190,19 @@ def _link_foreign(directory: Path, staging: Path, replaced: Set[str]) -> dict[st
 
 
 def _foreign(directory: Path, replaced: Set[str]) -> Iterator[Path]:
-    """All directories and files below ``directory`` except those in ``replaced``; links are not followed."""
-    for folder, folders, files in os.walk(directory):
-        for name in [*folders, *files]:
-            path = Path(folder, name)
-            if path.relative_to(directory).as_posix() not in replaced:
-                yield path
+    """All directories and files below ``directory`` except those in ``replaced``; links are not followed.
+
+    Directories that hold nothing but such files are left out too; an empty directory is somebody's.
+    """
+    emptied: set[Path] = set()
+    for folder, folders, files in os.walk(directory, topdown=False):
+        entries = [Path(folder, name) for name in [*folders, *files]]
+        others = [
+            path for path in entries if path not in emptied and path.relative_to(directory).as_posix() not in replaced
+        ]
+        if entries and not others:
+            emptied.add(Path(folder))
+        yield from others
 
 
 def _copy_rights(directory: Path, staging: Path) -> None:
@@ -281,7 +288,10 @@ def complete(directory: Path, manifest: str) -> None:
 
 
 def _remove_stale(commit: Path, directory: Path) -> None:
-    """Remove the files that are no longer emitted; names that lead outside ``directory`` are ignored."""
+    """Remove the files that are no longer emitted, and the directories that this empties.
+
+    Names that lead outside ``directory`` are ignored.
+    """
     try:
         names = json.loads((commit / STALE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -289,3 +299,6 @@ def _remove_stale(commit: Path, directory: Path) -> None:
     for name in map(PurePosixPath, names):
         if not name.is_absolute() and ".." not in name.parts:
             (directory / name).unlink(missing_ok=True)
+            for parent in name.parents[:-1]:
+                with contextlib.suppress(OSError):  # what holds something else stays
+                    (directory / parent).rmdir()

@@ -95,6 +95,7 @@ def certify(
     if robot is None or output is None:
         raise click.UsageError("give ROBOT and -o DIR, or --check DIR")
     from rrrgen.base.files import write
+    from rrrgen.emit.casadi.files import leftover_files
     from rrrgen.evidence.boxes import Ranges
     from rrrgen.evidence.certificate import CERTIFICATE, PAGE, SAMPLED, certificate_files, rounding_entries
     from rrrgen.evidence.coding_rules import checked_with_cppcheck
@@ -154,7 +155,7 @@ def certify(
             not_applicable=not_applicable(real),
             tell=tell,
         )
-    write(files, output)
+    write(files, output, leftover_files(files, output))
     content = _read(output)
     sampled_within = all(
         stated.get("sampled", {}).get("within", True)

@@ -535,12 +535,15 @@ def emit_files(
         unit = _unit(model, any_gravity, chosen)
         code |= unit_files(unit, real, trig)
         checks = (*checks, unit_check(unit))
-    files = emit(model, real, casadi, trig, jobs, languages, any_gravity, tell, code, checks, proven(model))
+    beside: dict[str, Contents] = {}
     if {"controller", "rust"} <= wanted:
         from rrrgen.controller.files import rust_files
 
-        files |= rust_files(unit, real)
-    return model, files | _export_targets(spec, real, further, chosen)
+        beside |= rust_files(unit, real)
+    beside |= _export_targets(spec, real, further, chosen)
+    return model, emit(
+        model, real, casadi, trig, jobs, languages, any_gravity, tell, code, beside, checks, proven(model)
+    )
 
 
 def _export_targets(

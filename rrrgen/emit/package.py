@@ -33,6 +33,7 @@ def emit(
     any_gravity: DerivedModel | None = None,
     tell: Tell | None = None,
     further: Mapping[str, str] | None = None,
+    beside: Mapping[str, Contents] | None = None,
     checks: Sequence[SelfTestCheck] = (),
     rounding: Rounding | None = None,
 ) -> dict[str, Contents]:
@@ -48,6 +49,7 @@ def emit(
         any_gravity: the model of the same robot with gravity as an input, to be written beside it, or None.
         tell: called as ``tell(done, total, message)`` as the work proceeds.
         further: C files to be built and listed with those of the model.
+        beside: files of other packages, in folders of their own, which the manifest lists too.
         checks: the self-tests of these files, which become part of the emitted self-test.
         rounding: proven bounds of the rounding errors of ``model``, for header and manifest; None states nothing.
 
@@ -73,6 +75,7 @@ def emit(
     files |= further or {}
     listed = [(_place(part), LANGUAGES[language]) for language, part in zip(languages, parts[OWN:], strict=True)]
     files |= build_files(files, model, identity, real, listed)
+    files |= beside or {}
     files[MANIFEST] = manifest(model, identity, real, files, data, any_gravity, rounding)
     if casadi_files:  # their bytes depend on the version of CasADi, so the manifest does not list them
         from rrrgen.emit.casadi.files import serialize

@@ -152,6 +152,14 @@ def test_unknown_words_are_refused(tmp_path, capsys):
     assert "emit: 'momentum' is not allowed" in error
 
 
+def test_packages_that_are_no_longer_asked_for_are_removed(tmp_path):
+    output = generate(tmp_path, PENDULUM, "--with", "urdf,embedded,controller,rust")
+    assert {"urdf", "embedded", "rust", "rust_controller"} <= names(output)
+    listed = json.loads((output / "manifest.json").read_text())["files"]
+    assert {"urdf/swing.urdf", "rust_controller/Cargo.toml"} <= listed.keys()
+    assert not {"urdf", "embedded", "rust", "rust_controller"} & names(generate(tmp_path, PENDULUM))
+
+
 def test_serialized_functions_do_not_stay_beside_other_code(tmp_path, capsys):
     """Those of the robot are removed, also where nothing else changes; files with other names are the user's."""
     pytest.importorskip("casadi")

@@ -57,6 +57,19 @@ def test_a_directory_is_enough_where_nothing_beside_it_can_be_written(tmp_path, 
     assert len(tree(tmp_path / "out")) == 4
 
 
+@pytest.mark.parametrize("as_a_whole", [True, False])
+def test_folders_that_hold_nothing_more_are_removed(as_a_whole, tmp_path, monkeypatch):
+    if not as_a_whole:
+        monkeypatch.setattr("rrrgen.base.exchange._in_use", lambda directory: True)
+    target = tmp_path / "out"
+    write(files(**{"rust/src/lib.rs": "b", "rust/Cargo.toml": "c", "urdf/arm.urdf": "d"}), target)
+    (target / "urdf" / "notes").mkdir()
+    (target / "mine").mkdir()
+    write(files(), target)
+    folders = sorted(str(path.relative_to(target)) for path in target.rglob("*") if path.is_dir())
+    assert folders == ["mine", "sub", "urdf", "urdf/notes"]
+
+
 def test_text_is_written_with_lf(tmp_path):
     write(files(), tmp_path / "out")
     assert b"\r" not in (tmp_path / "out" / "a.h").read_bytes()
