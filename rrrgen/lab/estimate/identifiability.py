@@ -13,7 +13,7 @@ from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.lab.estimate.linear import scale_columns
 from rrrgen.lab.estimate.regression import Estimate, weighted_least_squares
-from rrrgen.lab.estimate.tsqr import JointFactors
+from rrrgen.lab.estimate.tsqr import NO_COLUMN, JointFactors
 from rrrgen.robot.spec import STANDARD, standard_names
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -101,7 +101,6 @@ def essential_parameters(
 RELATIVE_TOLERANCE = 1e-9
 """Lies between the smallest true singular values of a scaled random regressor (1e-3 and above) and round-off (1e-15).
 """
-NO_COLUMN = 1e-12  # a column smaller than this share of the largest is round-off, for example of cos(pi/2)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 
+NO_COLUMN = 1e-12  # a column smaller than this share of the largest is round-off, for example of cos(pi/2)
+
 
 @dataclass(frozen=True)
 class Rows:
@@ -94,6 +96,17 @@ class JointFactors:
         for column, value in (fixed or {}).items():
             known[column] = value
         return self.substitute(T, known)
+
+    def without_round_off(self) -> JointFactors:
+        """A copy in which parameters whose columns are round-off, such as a power of cos(pi/2), have columns of zeros.
+
+        Such a column is shorter than a share :data:`NO_COLUMN` of the longest; scaled to unit length it would look like
+        one of the motion.
+        """
+        size = np.sqrt(np.sum(self.R[:, :, :-1] ** 2, axis=(0, 1)))
+        R = self.R.copy()
+        R[:, :, :-1] *= size > NO_COLUMN * np.max(size, initial=0.0)
+        return replace(self, R=R)
 
     def merge(self, other: JointFactors) -> JointFactors:
         """Factors of the rows of this object and of ``other`` together."""

@@ -19,6 +19,7 @@ from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.derive.parameters.physical_links import Prior
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.estimate.identifiability import structure_of
+from rrrgen.lab.estimate.linear import solve
 from rrrgen.lab.estimate.regression import Estimate, correlated_covariance, weighted_least_squares
 from rrrgen.lab.estimate.statistics import correlation_lags, residual_whiteness
 from rrrgen.lab.identify.bandwidth import Tuning, tune
@@ -36,7 +37,9 @@ NAMES = ("mass", "com_x", "com_y", "com_z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "
 UNITS = ("kg", "m", "m", "m", *["kg m^2"] * 6)
 PRIOR_RADIUS = 0.1  # m, radius of gyration of the prior, which determines what the motion does not
 CERTAIN = 0.5  # relative standard deviation of the mass above which there is no estimate
-ASSUMED = 0.5  # share of the prior in the variance above which a value counts as not determined
+LOOSE = (
+    1e-4  # share of a value, columns of unit length, in combinations that the torques do not contain; round-off: 1e-8
+)
 SIGNIFICANT = 4.0  # deviations below 0 at which the mass of the unconstrained estimate counts as negative
 NOTICEABLE = 1.1  # ratio of torque errors above which the motion tells that mass, and not the choice among equal ones
 SHARE = 1e-4  # of the RMS torque: a payload with smaller torques counts as none
@@ -147,7 +150,7 @@ def identify_payload(
     p = len(columns)
     maker = RowMaker(regressor, tuning.processing, p + 1, sliding=torque.sliding, slow=slow.speeds)
     factors, blocks = factors_and_blocks(recordings, maker)
-    free = factors.select_columns(range(p), {p: 1.0})
+    free = factors.select_columns(range(p), {p: 1.0}).without_round_off()
     names = [column.name for column in columns]
     estimate = weighted_least_squares(free, names)
     to_all, known = np.eye(p + 1)[:, :p], np.eye(p + 1)[p]
@@ -171,17 +174,23 @@ def identify_payload(
     size = float(np.sqrt(np.sum(factors.torque_squares) / np.sum(factors.counts)))
     body: Any = _Body()
     optimum = consistent_estimate(body, free, columns, estimate.weights, _prior(estimate, size), reference=estimate)
-    covariance, assumed = _covariances(optimum, estimate, free.stack(estimate.weights)[:-1, :-1])
+    R = free.stack(estimate.weights)[:-1, :-1]
     phi = optimum.theta[: len(STANDARD)]
-    values, std = inertial(phi), deviations(inertial, phi, covariance)
-    by_prior = deviations(inertial, phi, assumed) ** 2 > ASSUMED * std**2
-    undetermined = tuple(name for name, prior in zip(NAMES, by_prior, strict=True) if prior)
+    values, std = inertial(phi), deviations(inertial, phi, _covariance(optimum, estimate, R))
+    alone_std = _deviations_of_the_data(phi, estimate, R)
+    assumed = ~(alone_std <= _largest_deviations(values))
+    undetermined = tuple(name for name, prior in zip(NAMES, assumed, strict=True) if prior)
     error, alone = error_of(expand(optimum.theta)), error_of(known)
     _refuse_impossible_payload(float(estimate.x[0]), float(estimate.std[0]), least, error, alone)
-    if not std[0] <= CERTAIN * values[0] or values[0] * 9.81 * PRIOR_RADIUS < SHARE * size:
+    if assumed[0] or values[0] * 9.81 * PRIOR_RADIUS < SHARE * size:
+        known_to = (
+            f"{values[0]:.3g} +- {alone_std[0]:.2g} kg"
+            if np.isfinite(alone_std[0])
+            else "the torques tell it only together with the centre of mass and inertia"
+        )
         raise DerivationError(
-            f"the mass of the payload is not determined: {values[0]:.3g} +- {std[0]:.2g} kg, and the torque error "
-            f"{100 * alone:.3g} % without a payload is {100 * error:.3g} % with it; is there one, and do joints move "
+            f"the mass of the payload is not determined: {known_to}, and the torque error {100 * alone:.3g} % without "
+            f"a payload is {100 * error:.3g} % with it; is there one, and do joints move "
             + "; ".join(("that carry its weight?", *slow.sentences()))
         )
     structure = structure_of(lambda *motion: body_columns(model, *motion), STANDARD, n, possible=assembly_mask(model))
@@ -218,15 +227,40 @@ def _prior(estimate: Estimate, torque: float) -> Prior:
     return Prior(mass * np.diag([PRIOR_RADIUS**2] * 3 + [1.0])[None])
 
 
-def _covariances(optimum: ConsistentEstimate, estimate: Estimate, R: Array) -> tuple[Array, Array]:
-    """Covariance (10, 10) of the payload's standard parameters, and the part of it that is due to the prior.
+def _covariance(optimum: ConsistentEstimate, estimate: Estimate, R: Array) -> Array:
+    """Covariance (10, 10) of the payload's standard parameters, with that of the prior and correlated residuals.
 
-    Correlated residuals are allowed for. ``R`` is the triangular factor of the weighted rows.
+    ``R`` is the triangular factor of the weighted rows.
     """
     assert optimum.near is not None
     information = R.T @ R
     scores = information @ estimate.covariance @ information
-    along, body = optimum.near.directions, slice(len(STANDARD))
-    whole = optimum.near.covariance(along, scores, estimate.variance)
-    prior = optimum.near.covariance(along, np.zeros_like(scores), estimate.variance)
-    return whole[body, body], prior[body, body]
+    body = slice(len(STANDARD))
+    return optimum.near.covariance(optimum.near.directions, scores, estimate.variance)[body, body]
+
+
+def _deviations_of_the_data(phi: Array, estimate: Estimate, R: Array) -> Array:
+    """Standard deviations (10,) that the torques alone leave to the values of the body ``phi`` (10,).
+
+    They are infinite for values with a share in combinations of parameters that the rows, with the triangular factor
+    ``R``, do not contain. The curvature of the prior does not tell: it grows without bound towards bodies that cannot
+    be, which pins a value that the torques leave open, as if it were measured.
+    """
+    body = slice(len(STANDARD))
+    size = np.linalg.norm(R, axis=0)
+    size = np.where(size > 0.0, size, np.max(size))
+    unseen = (solve(R / size, np.zeros(len(R))).weak / size)[:, body].T
+    loose = deviations(inertial, phi, unseen @ unseen.T)
+    whole = deviations(inertial, phi, np.diag(size[body] ** -2.0))
+    return np.where(loose > LOOSE * whole, np.inf, deviations(inertial, phi, estimate.covariance[body, body]))
+
+
+def _largest_deviations(values: Array) -> Array:
+    """Deviations (10,) of the data above which the prior, rather than the data, determines the ``values`` (10,).
+
+    For the centre of mass this is the size of the prior, for moments of inertia the value itself, and for products the
+    largest that a body with these moments can have.
+    """
+    moments = values[4:7]
+    products = np.sqrt([moments[i] * moments[k] for i, k in ((0, 1), (0, 2), (1, 2))])
+    return np.concatenate([[CERTAIN * values[0]], [PRIOR_RADIUS] * 3, moments, products])

@@ -102,6 +102,40 @@ def test_a_joint_that_stands_is_held_by_friction(puma):
     assert not found.undetermined
 
 
+def _torque(model, q, dq, ddq):
+    """Torques (N, n) of the arm that carries the payload, with noise."""
+    xx, yy, zz, xy, xz, yz = TENSOR
+    beta = model.add_payload(MASS, COM, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    tau = model.inverse_dynamics(q, dq, ddq, beta) + model.friction(dq)
+    return tau + 0.05 * np.random.default_rng(4).normal(size=tau.shape)
+
+
+def test_one_moving_joint_does_not_tell_the_mass(planar):
+    """One joint sees two first moments and an inertia of the load, which bodies of any mass have: 3 for 4 numbers."""
+    log = recording(planar, 4)
+    q, dq, ddq = log.q.copy(), log.dq.copy(), log.ddq.copy()
+    q[:, 1], dq[:, 1], ddq[:, 1] = 0.3, 0.0, 0.0
+    stands = replace(log, q=q, dq=dq, ddq=ddq, tau=_torque(planar, q, dq, ddq))
+    with pytest.raises(DerivationError, match=r"mass of the payload is not determined.*q2: standing"):
+        identify_payload(planar, [stands], LOGGED)
+    spec = replace(planar.spec, joints=planar.spec.joints[:1], links=planar.spec.links[:1])
+    arm = rrrgen.compile(spec, backend="numpy")
+    q, dq, ddq = q[:, :1], dq[:, :1], ddq[:, :1]
+    alone = replace(log, joints=log.joints[:1], q=q, dq=dq, ddq=ddq, tau=_torque(arm, q, dq, ddq))
+    with pytest.raises(DerivationError, match="mass of the payload is not determined"):
+        identify_payload(arm, [alone], LOGGED)
+
+
+def test_a_joint_that_hardly_moves_does_not_tell_the_mass(planar):
+    """The torques tell the mass to 0.6 kg or worse: that no body has less inertia must not look like a measurement."""
+    log = recording(planar, 4)
+    q, dq, ddq = log.q.copy(), log.dq.copy(), log.ddq.copy()
+    q[:, 1], dq[:, 1], ddq[:, 1] = 0.3 + 2e-3 * (q[:, 1] - q[0, 1]), 2e-3 * dq[:, 1], 2e-3 * ddq[:, 1]
+    creeps = replace(log, q=q, dq=dq, ddq=ddq, tau=_torque(planar, q, dq, ddq))
+    with pytest.raises(DerivationError, match="mass of the payload is not determined"):
+        identify_payload(planar, [creeps], LOGGED)
+
+
 def test_the_commands(tmp_path, planar, monkeypatch, capsys):
     monkeypatch.setattr(load, "compile", partial(load.compile, backend="numpy"))
     write_log(tmp_path / "empty.csv", recording(planar, 7, carried=False))
