@@ -71,6 +71,7 @@ from rrrgen.lab.identify.regressor import (
     Parametrisation,
     RigidModel,
     assembly_mask,
+    hold_unexcited,
     loop_status,
     parametrise,
     standstill,
@@ -117,14 +118,13 @@ class Delivered:
         consistent: ConsistentEstimate | None,
         reduced: JointFactors,
         chosen: Parametrisation,
-        names: Sequence[str],
         options: Options,
         base: int,
     ) -> Delivered:
         """Choose the estimate to write: ``consistent``, or ``estimate`` if that is None; compute its covariance.
 
-        ``reduced`` are the triangular factors of the fitted rows for x. ``names`` are the parameters of all regressor
-        columns, of which the first ``base`` are base parameters.
+        ``reduced`` are the triangular factors of the fitted rows for x. Of all regressor columns the first ``base`` are
+        those of base parameters.
         """
         if consistent is None or consistent.near is None:
             none = np.zeros(len(estimate.x))
@@ -133,8 +133,9 @@ class Delivered:
         R = reduced.stack(weights)[:-1, :-1]
         information = R.T @ R
         scores = information @ estimate.covariance @ information
-        moving = [k for k, name in enumerate(names) if name not in options.fixed or k < base]
-        directions = np.zeros((len(names), consistent.near.directions.shape[1]))
+        held = chosen.held_from(base)
+        moving = [k for k in range(len(chosen.known)) if k not in held]
+        directions = np.zeros((len(chosen.known), consistent.near.directions.shape[1]))
         directions[moving] = consistent.near.directions
         along = chosen.contract(directions)
         # the prior is no observation, which would narrow the intervals, but an error that the data do not tell
@@ -395,6 +396,8 @@ def identify(
             f"no row is held out: between blocks of {options.split.value:g} s there is none in recordings of "
             f"{longest:.3g} s; make the blocks shorter"
         )
+    restricted = options.fixed, options.fixed_standard, options.seed, rows
+    chosen = hold_unexcited(chosen, regressor, factors.fit, *restricted)
     run = _Run(model, regressor, chosen, recordings, tuning, options, factors, blocks, held_out, tell, nuisances)
     identification = run.result()
     return replace(identification, repairs=tuple(recording.repairs for recording in recordings), friction=friction)
@@ -502,7 +505,7 @@ class _Run:
 
     def result(self) -> Identification:
         options, chosen = self.options, self.chosen
-        reduced = chosen.transform(self.factors.fit)
+        reduced = chosen.transform(self.factors.fit).without_round_off()
         estimate = self.least_squares_estimate(reduced)
         theta = chosen.expand(estimate.x)
         iid_std = estimate.std
@@ -529,9 +532,8 @@ class _Run:
             self.tell(0, 0, "essential parameters")
             inflation = max((w.inflation for w in white), default=1.0)
             essential = essential_parameters(reduced, chosen.structure.names, samples_per_independent=inflation)
-        names = [column.name for column in self.regressor.columns]
         factors = reduced if rows is None else chosen.transform(rows)
-        delivered = Delivered.of(estimate, consistent, factors, chosen, names, options, len(self.model.base_projection))
+        delivered = Delivered.of(estimate, consistent, factors, chosen, options, len(self.model.base_projection))
         final = theta if consistent is None else consistent.theta
         scatter = np.array(score(self.factors.fit, final)["joint_rms"])
         band = TorqueBand.of(final, chosen.T, delivered.covariance, scatter)
@@ -561,7 +563,10 @@ class _Run:
             units=identified_units(chosen.structure, self.regressor.columns, chosen.free, self.model),
             meanings=explained_names(chosen.structure.names, self.regressor.columns, self.model),
             hardly_determined=collinear(reduced, estimate),
-            motion_notes=unexcited_parameters(reduced, chosen.structure.names, estimate.weights),
+            motion_notes=(
+                *chosen.notes,
+                *unexcited_parameters(reduced, chosen.structure.names, estimate.weights),
+            ),
             weak=weak_directions(reduced, chosen.structure.names, estimate.weights),
             blocks=self.blocks,
             held_out_blocks=self.held_out,
@@ -590,14 +595,10 @@ class _Run:
         self.tell(0, 0, "physically consistent estimate")
         options, fit = self.options, self.factors.fit
         columns = self.regressor.columns
-        b = len(self.model.base_parameter_names)
-        known = np.zeros(len(columns))
-        free = list(range(b))
-        for i, column in enumerate(columns[b:], start=b):
-            if column.name in options.fixed:
-                known[i] = options.fixed[column.name]
-            else:
-                free.append(i)
+        b, known = len(self.model.base_parameter_names), np.zeros(len(columns))
+        held = list(self.chosen.held_from(b))
+        known[held] = self.chosen.known[held]
+        free = [i for i in range(len(columns)) if i not in held]
         rms = float(np.sqrt(np.sum(fit.torque_squares) / np.sum(fit.counts)))
         prior = options.prior or default_prior(self.model.spec, rms, options.prior_strength)
         T = np.eye(len(columns))[:, free]

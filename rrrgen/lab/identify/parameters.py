@@ -12,6 +12,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.estimate.identifiability import combination
+from rrrgen.robot.friction.laws import LAWS
 from rrrgen.robot.model.drives import KINDS, SYMBOLS, drive_terms, unit
 from rrrgen.robot.model.drives import Kind as DriveKind
 from rrrgen.robot.spec import standard_names
@@ -197,3 +198,20 @@ class DriveTerms:
                 raise InputError(f"the coupled drive '{drive.name}' needs a direction of {n} weights, not all zero")
             columns += [Column(f"{SYMBOLS[kind]}_{drive.name}", kind, still + drive.direction) for kind in drive.terms]
         return tuple(columns)
+
+
+def nominal_drives(spec: Any) -> dict[str, float]:
+    """The drive and friction parameters (SI) that the robot file ``spec`` states, by the names of their columns.
+
+    Of a friction law these are the parameters in which it is linear.
+    """
+    values = {term.name: term.value for term in drive_terms(spec)}
+    owners = [(f"{i}", joint.friction) for i, joint in enumerate(spec.joints, start=1)]
+    if spec.drives is not None:
+        owners += [(f"_{motor.name}", motor.friction) for motor in spec.drives.motors]
+    for owner, friction in owners:
+        if friction is not None and friction.law is not None:
+            law = LAWS[friction.law.name]
+            linear, _ = law.split(friction.law.values)
+            values |= {f"{p.name}{owner}": value for p, value in zip(law.linear, linear, strict=True)}
+    return {name: float(value) for name, value in values.items()}

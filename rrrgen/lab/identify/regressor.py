@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -14,10 +14,16 @@ from rrrgen.base.errors import InputError
 from rrrgen.lab.data.kalman import KalmanSmoother
 from rrrgen.lab.data.preprocessing import KALMAN, Processing, reconstruction_reach
 from rrrgen.lab.data.reconstruction import Reconstruction
-from rrrgen.lab.estimate.identifiability import Restriction, Structure, fix_standard, structure_of
+from rrrgen.lab.estimate.identifiability import (
+    RELATIVE_TOLERANCE,
+    Restriction,
+    Structure,
+    fix_standard,
+    structure_of,
+)
 from rrrgen.lab.estimate.tsqr import JointFactors
 from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, law_columns
-from rrrgen.lab.identify.parameters import Column, DriveTerms
+from rrrgen.lab.identify.parameters import Column, DriveTerms, nominal_drives
 from rrrgen.runtime.regressor_columns import drive_columns
 
 
@@ -162,13 +168,14 @@ class Parametrisation:
     """Map between the identifiable parameters x (r,) and the parameters theta (p,) of all columns.
 
     ``theta = T x + known`` with T (p, r), and ``x = G theta[free]`` with G from ``structure``, which also names x;
-    ``free`` are the columns without a known value.
+    ``free`` are the columns without a known value; ``notes`` are sentences on those that :func:`hold_unexcited` keeps.
     """
 
     structure: Structure
     T: Array
     known: Array
     free: tuple[int, ...]
+    notes: tuple[str, ...] = ()
 
     def transform(self, factors: JointFactors) -> JointFactors:
         """Convert triangular factors of the rows for the parameters theta to those for the parameters x."""
@@ -178,9 +185,50 @@ class Parametrisation:
         """The parameters theta (p,) of all columns for identifiable parameters ``x`` (r,)."""
         return np.asarray(self.T @ x + self.known)
 
+    def held_from(self, first: int) -> tuple[int, ...]:
+        """Indices of the columns from number ``first`` on that have a known value."""
+        return tuple(i for i in range(first, len(self.known)) if i not in self.free)
+
     def contract(self, theta: Array) -> Array:
         """Identifiable parameters x (r,) of ``theta`` (p,); a matrix (p, k) is mapped column by column."""
         return np.asarray(self.structure.G @ theta[list(self.free)])
+
+
+def hold_unexcited(
+    chosen: Parametrisation,
+    regressor: FullRegressor,
+    factors: JointFactors,
+    fixed: Mapping[str, float],
+    fixed_standard: Mapping[str, float],
+    seed: int = 0,
+    measured: NDArray[np.bool_] | None = None,
+) -> Parametrisation:
+    """Keep drive and friction parameters that the rows of ``factors`` do not excite at the values of the robot file.
+
+    The columns of a joint that stands, or whose rows are left out, are zero or round-off of the reconstructed motion:
+    no torque tells their parameters, and nothing but a sign bounds them in an estimate. Parameters without a value in
+    the robot file are kept at 0. ``chosen`` is the parametrisation by the other arguments, those of
+    :func:`parametrise`; it is returned if all parameters are excited.
+    """
+    size = np.sqrt(np.sum(factors.R[:, :, :-1] ** 2, axis=(0, 1)))
+    absent = size <= RELATIVE_TOLERANCE * np.max(size, initial=0.0)
+    columns = zip(regressor.columns, absent, strict=True)
+    still = [column for column, gone in columns if gone and column.kind != "rigid" and column.name not in fixed]
+    if not still:
+        return chosen
+    spec = regressor.model.spec
+    stated = {} if spec is None else nominal_drives(spec)
+    least = {column.name: 0.0 if column.is_non_negative else -np.inf for column in still}
+    values = {name: max(stated.get(name, 0.0), bound) for name, bound in least.items()}
+    effective = dict(zip(chosen.structure.all_names, np.any(chosen.structure.G, axis=0), strict=True))
+    notes = []
+    for name, value in values.items():
+        seen = f"this motion does not excite {name} at all"
+        reason = seen if effective[name] else f"{name} has no effect on any joint torque"
+        source = "as in the robot file" if name in stated else "which the robot file leaves open"
+        notes.append(f"{reason}: it stays at {value:.6g}, {source}")
+    held = parametrise(regressor, values | dict(fixed), fixed_standard, seed, measured)
+    return replace(held, notes=tuple(notes))
 
 
 LEAST_SINE = 0.2

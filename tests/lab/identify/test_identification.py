@@ -1,6 +1,7 @@
 """The whole way from recordings to parameters, figures and robot files, with compiled models."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from rrrgen.lab.identify.identification import Options, identify
 from rrrgen.lab.identify.parameters import DriveTerms
 from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.lab.identify.results import as_record, identified_spec, write_identification
-from rrrgen.robot.spec import standard_parameters
+from rrrgen.robot.spec import DriveSpec, FrictionSpec, standard_parameters
 from samples.recordings import fourier_motion, write_log
 
 PERIOD, N = 2e-3, 4000
@@ -77,6 +78,40 @@ def test_validation_error_beyond_the_noise_is_below_one_percent(arm, result):
     for theta in (result.theta, result.consistent.theta):
         error = np.sqrt(np.mean((W @ theta - tau) ** 2, axis=0)) / np.sqrt(np.mean(tau**2, axis=0))
         assert np.all(error < 0.01)
+
+
+def one_joint_moves():
+    """A planar arm whose robot file states drives and friction, and a recording with noise in which q2 stands."""
+    rigid = rrrgen.compile("planar2r", backend="numpy")
+    stated = {"friction": FrictionSpec(0.7, 1.5), "drive": DriveSpec(inertia=0.05)}
+    spec = replace(rigid.spec, joints=tuple(replace(joint, **stated) for joint in rigid.spec.joints))
+    t = PERIOD * np.arange(N)
+    q, dq, ddq = fourier_motion(t, 2, 3, base=0.125, harmonics=6)
+    q[:, 1], dq[:, 1], ddq[:, 1] = 0.3, 0.0, 0.0
+    tau = rigid.inverse_dynamics(q, dq, ddq, rigid.beta) + 0.05 * ddq + 0.7 * dq + 1.5 * np.sign(dq)
+    tau += 0.1 * np.random.default_rng(3).normal(size=q.shape)
+    return rrrgen.compile(spec, backend="numpy"), Log(("q1", "q2"), t, q, tau, period=PERIOD)
+
+
+@pytest.mark.parametrize("error", ["none", "drift"])
+def test_a_joint_that_stands_keeps_the_drive_of_the_robot_file(error):
+    """Nothing tells its inertia and friction, and only their sign bounds them: they must not become 1e12 or 20."""
+    arm, log = one_joint_moves()
+    if error == "drift":
+        walk = 2e-6 * np.cumsum(np.random.default_rng(4).normal(size=N))
+        log = replace(log, q=log.q + np.column_stack([np.zeros(N), walk]))
+    method = KALMAN if error == "drift" else Processing("butterworth", cutoff=20.0, decimate=10)
+    estimate = identify(arm, [log], method, Options(poses=10))
+    assert estimate.known == {"Ia2": 0.05, "fv2": 0.7, "fc2": 1.5}
+    identified = identified_spec(arm.spec, estimate.consistent).joints[1]
+    assert (identified.drive.inertia, identified.friction.viscous, identified.friction.coulomb) == (0.05, 0.7, 1.5)
+    assert "this motion does not excite Ia2 at all: it stays at 0.05, as in the robot file" in estimate.motion_notes
+    at = {name: k for k, name in enumerate(estimate.names)}
+    friction = [at["fv1"], at["fc1"]]
+    for x, std in ((estimate.estimate.x, estimate.estimate.std), (estimate.delivered.x, estimate.delivered.std)):
+        assert np.all(np.abs(x[friction] - [0.7, 1.5]) < 4.0 * std[friction])
+    if error == "none":
+        assert np.all(estimate.delivered.std < 0.05)
 
 
 def test_balanced_links_leave_thirteen_parameters(arm, logs):
