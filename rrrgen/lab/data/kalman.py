@@ -189,6 +189,8 @@ def smoothed_covariance(matrices: KalmanMatrices) -> Array:
 # Control, Robotics and Automation Handbook, CRC Press 2005, chapter 14.
 # ------------------------------------------------------------------------------------------------------------------
 
+JITTER = 0.3
+"""Size of the steps from sample to sample over the spread of the positions, above which they are noise, not motion."""
 LOWEST_RATIO, HIGHEST_RATIO = -10.0, 1.0  # log10 of lambda: range searched for the largest innovation likelihood
 
 
@@ -283,14 +285,15 @@ def tune_stretches(stretches: Sequence[Array], period: float) -> KalmanSmoother:
     """Tune the smoother by maximum likelihood of its innovations over several uninterrupted stretches of a recording.
 
     ``stretches`` holds positions (N_i, n) in rad (m), sampled at a common ``period`` (s). Each is filtered on its own;
-    the innovations of all are pooled. Raises :class:`InputError` for a joint that does not move in any of them.
+    the innovations of all are pooled. A joint whose positions are noise alone is smoothed as the slowest of those that
+    move, and not over the whole recording. Raises :class:`InputError` for a joint that does not move in any of them.
     """
     from scipy.optimize import minimize_scalar
 
     if resting := resting_joints(stretches):
         names = " and ".join(str(k + 1) for k in resting)
         raise InputError(f"joint {names} does not move at all: its noise cannot be separated from its motion")
-    etas, xis = [], []
+    ratios, squares = [], []
     for joint in range(stretches[0].shape[1]):
         columns = [np.asarray(stretch[:, joint], float) for stretch in stretches]
 
@@ -304,11 +307,27 @@ def tune_stretches(stretches: Sequence[Array], period: float) -> KalmanSmoother:
         best = int(np.argmin([cost(value) for value in grid]))
         bracket = (grid[max(0, best - 1)], grid[min(len(grid) - 1, best + 1)])
         minimum = minimize_scalar(cost, bounds=bracket, method="bounded", options={"xatol": 1e-3})
-        matrices = _unit_noise(period, float(minimum.x))
+        ratios.append(float(minimum.x))
+        squares.append(square)
+    noise = jittering_joints(stretches)
+    slowest = min((ratio for joint, ratio in enumerate(ratios) if joint not in noise), default=LOWEST_RATIO)
+    etas, xis = [], []
+    for joint, (ratio, square) in enumerate(zip(ratios, squares, strict=True)):
+        ratio = max(ratio, slowest) if joint in noise else ratio
+        matrices = _unit_noise(period, ratio)
         eta = square(matrices) / matrices.innovation
         etas.append(eta)
-        xis.append(eta * 10.0 ** (2.0 * float(minimum.x)) / period**6)
+        xis.append(eta * 10.0 ** (2.0 * ratio) / period**6)
     return KalmanSmoother(tuple(etas), tuple(xis))
+
+
+def jittering_joints(stretches: Sequence[Array]) -> list[int]:
+    """Indices of the joints whose positions are constant but for noise in all ``stretches``, (N_i, n) each."""
+    steps, spread = (
+        np.max([np.std(part, axis=0) for part in parts], axis=0)
+        for parts in ([np.diff(stretch, axis=0) for stretch in stretches], stretches)
+    )
+    return [int(joint) for joint in np.flatnonzero(steps >= JITTER * spread)]
 
 
 def resting_joints(stretches: Sequence[Array]) -> list[int]:

@@ -76,6 +76,7 @@ from rrrgen.lab.identify.regressor import (
     parametrise,
     standstill,
 )
+from rrrgen.lab.identify.rows import standing_sentences
 from rrrgen.lab.identify.scores import (
     Fingerprint,
     Score,
@@ -89,6 +90,11 @@ from rrrgen.lab.identify.scores import (
 # ------------------------------------------------------------------------------------------------------------------
 # The estimate that is written to the robot file, with its uncertainty.
 # ------------------------------------------------------------------------------------------------------------------
+
+
+WEAKEST = 1e-6
+"""Scaled singular value, of the largest, below which residuals count as white: a variance of its inverse squared rounds
+away correlations."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +139,9 @@ class Delivered:
         R = reduced.stack(weights)[:-1, :-1]
         information = R.T @ R
         scores = information @ estimate.covariance @ information
+        if estimate.singular[estimate.rank - 1] < WEAKEST * estimate.singular[0]:
+            # the variance of what noise alone seems to tell drowns all others in its rounding errors
+            scores = estimate.variance * information
         held = chosen.held_from(base)
         moving = [k for k in range(len(chosen.known)) if k not in held]
         directions = np.zeros((len(chosen.known), consistent.near.directions.shape[1]))
@@ -564,6 +573,7 @@ class _Run:
             meanings=explained_names(chosen.structure.names, self.regressor.columns, self.model),
             hardly_determined=collinear(reduced, estimate),
             motion_notes=(
+                *standing_sentences(self.standing),
                 *chosen.notes,
                 *unexcited_parameters(reduced, chosen.structure.names, estimate.weights),
             ),
@@ -574,6 +584,14 @@ class _Run:
             regressor=self.regressor,
             nuisances=nuisances,
         )
+
+    @property
+    def standing(self) -> tuple[str, ...]:
+        """Names of the joints of which no row is left: they stand, or are never as fast as rows have to be."""
+        if on_floating_base(self.recordings):  # whose wrench stands for torques that may be missing
+            return ()
+        counts = zip(self.recordings[0].joints, self.factors.fit.counts, strict=True)
+        return tuple(joint for joint, count in counts if count == 0)
 
     def least_squares_estimate(self, reduced: JointFactors) -> Estimate:
         names = self.chosen.structure.names

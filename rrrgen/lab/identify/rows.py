@@ -11,6 +11,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.derive.parameters.physical_links import link_lengths
+from rrrgen.lab.data.kalman import JITTER
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.estimate.tsqr import JointFactors, Rows
 from rrrgen.lab.identify.factoring import FittedRows, factor_recordings, fits_in_memory, rows_of_recordings
@@ -24,8 +25,6 @@ SLOW = 0.05
 STILL = 0.02
 """The same, as a share of the largest speed of all joints; those of prismatic joints over the length of a link."""
 
-JITTER = 0.3
-"""Size of the steps from sample to sample over the spread of the positions, above which they are noise, not motion."""
 FEWEST = 20
 """Rows of a joint below which there is no estimate: some two cycles of the fastest part of the motion."""
 
@@ -43,10 +42,15 @@ class SlowSamples:
 
     def sentences(self) -> tuple[str, ...]:
         """A sentence about the joints that stand, if there are any."""
-        if not self.standing:
-            return ()
-        names = ", ".join(self.standing)
-        return (f"{names}: standing or hardly moving; friction there can have any value, so the torque is left out",)
+        return standing_sentences(self.standing)
+
+
+def standing_sentences(joints: Sequence[str]) -> tuple[str, ...]:
+    """A sentence about the ``joints`` whose rows are left out because they stand; none without such joints."""
+    if not joints:
+        return ()
+    names = ", ".join(joints)
+    return (f"{names}: standing or hardly moving; friction there can have any value, so the torque is left out",)
 
 
 def slow_samples(model: Any, recordings: Sequence[Recording], processing: Processing) -> SlowSamples:

@@ -114,6 +114,21 @@ def test_a_joint_that_stands_keeps_the_drive_of_the_robot_file(error):
         assert np.all(estimate.delivered.std < 0.05)
 
 
+@pytest.mark.parametrize(("share", "step"), [(0.5, 1e-5), (0.01, 1e-7)])
+def test_a_flickering_encoder_of_a_standing_joint_leaves_the_rows_of_the_other(share, step):
+    """The smoother of a joint without motion must not reach over the whole recording: no row is left then."""
+    arm, log = one_joint_moves()
+    flicker = step * (np.random.default_rng(5).random(N) < share)
+    log = replace(log, q=log.q + np.column_stack([np.zeros(N), flicker]))
+    estimate = identify(arm, [log], KALMAN, Options(poses=10))
+    assert estimate.estimate.counts[0] > 0.5 * N / 5
+    assert estimate.estimate.counts[1] == 0
+    at = [estimate.names.index(name) for name in ("fv1", "fc1")]
+    assert np.all(np.abs(estimate.estimate.x[at] - [0.7, 1.5]) < 4.0 * estimate.estimate.std[at])
+    assert np.all(estimate.delivered.std > 0.0)
+    assert any("q2: standing" in note for note in estimate.motion_notes)
+
+
 def test_balanced_links_leave_thirteen_parameters(arm, logs):
     """Links 2 and 3 of the bundled arm are balanced in y: p4 = p15 = 0, said either way."""
     names = list(arm.base_parameter_names)
