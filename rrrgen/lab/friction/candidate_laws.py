@@ -163,14 +163,13 @@ def candidates(gravity: int, wide: bool = False) -> tuple[Candidate, ...]:
 
     Each has ``gravity`` (0, 1 or 2) gravity coefficients. Where gravity does not act, an offset of the measured torque
     takes its place: a symmetric law could not explain it otherwise. Beside the gravity of a revolute joint whose motion
-    is ``wide`` enough to tell the two apart, the laws from Stribeck on have an offset. The asymmetric law has none,
-    because it is not identifiable beside a Coulomb torque for each direction; Coulomb-viscous friction with an offset
-    is that law.
+    is ``wide`` enough to tell the two apart, all laws but the asymmetric one have an offset, which is not identifiable
+    beside a Coulomb torque for each direction.
     """
-    constant, offset = max(gravity, 1), gravity == 0
-    curved = 3 if gravity == 2 and wide else constant
+    offset = gravity == 0
+    curved = 3 if gravity == 2 and wide else max(gravity, 1)
     return (
-        Candidate(LAWS["coulomb_viscous"], constant, ("offset",), offset),
+        Candidate(LAWS["coulomb_viscous"], curved, ("offset",), offset),
         Candidate(LAWS["asymmetric"], gravity),
         Candidate(LAWS["stribeck"], curved, (), offset),
         Candidate(LAWS["lugre"], curved, (), offset),

@@ -49,6 +49,18 @@ def estimated(case, seed, gravity, law):
     return estimate_friction(data, gravity, (law,)).chosen
 
 
+@pytest.mark.parametrize("constant", [0.3, 0.0])
+def test_an_offset_of_the_torque_is_no_gravity(constant):
+    """Without a parameter of its own it biased gravity by 92 deviations, and its angle with it."""
+    case = CASES["coulomb_viscous, noise"]
+    case = replace(case, joint=replace(case.joint, constant=constant))
+    values, std = (getattr(estimated(case, 2, 2, "coulomb_viscous"), what) for what in ("values", "std"))
+    joint = case.joint
+    for name, value in (("offset", constant), ("gravity", joint.gravity), ("coulomb", joint.coulomb)):
+        assert abs(values[name] - value) < 4.0 * std[name], name
+    assert std["offset"] < 0.01
+
+
 def test_unstable_motion_at_speeds_that_are_not_slow_does_not_mislead():
     """Slower than the Stribeck speed an error grows like e^(57 t): in windows of .2 s viscous friction was 36 % off."""
     case = replace(CASES["stribeck"], joint=SlidingJoint("stribeck", hang=0.4), fast=0.3, slow=0.06)
