@@ -81,3 +81,11 @@ def read_quantity(node: Node, what: str, table: Mapping[str, float], bare: str, 
         faults.error(node, f"{what} is not a finite number")
         return None
     return value
+
+
+SAME_UNIT = 1e-6  # relative difference below which two conversion factors are the same
+
+
+def unit_of_factor(table: Mapping[str, float], factor: float) -> str:
+    """Name of the unit in ``table`` (name -> factor to SI) that has this ``factor``; "" if there is none."""
+    return next((name for name, value in table.items() if math.isclose(value, factor, rel_tol=SAME_UNIT)), "")

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.base.yamltext.signal_units import TIME, unit_of_factor
+from rrrgen.lab.data.clock import clock_factor
 from rrrgen.lab.data.mapping import LogMapping
 from rrrgen.lab.data.reconstruction import Butterworth
 from rrrgen.lab.data.recordings import Log, check_robot
@@ -330,8 +332,25 @@ def _check_motion(data: JointData) -> None:
     for direction, name in ((1.0, "forward"), (-1.0, "backward")):
         seconds = float(np.count_nonzero(data.sliding & (direction * dq > 0.0))) * data.period
         if seconds < LEAST_SLIDING:
+            _check_clock(data)
             raise DerivationError(
                 f"joint '{data.name}' slides {name} for {seconds:.2g} s only: friction needs motion in both "
                 f"directions, {LEAST_SLIDING:g} s each at least, better a multisine and slow reversals "
                 "(`rrrgen experiment excite --friction`)"
             )
+
+
+def _check_clock(data: JointData) -> None:
+    """Raise :class:`DerivationError` if sampling and motion are those of times in another unit."""
+    spread = float(np.std(data.q))
+    frequency = data.speed / (2.0 * np.pi * spread) if spread > 0.0 else np.nan
+    factor = clock_factor(data.period, frequency)
+    if factor == 1.0:
+        return
+    size = f"{factor:.4g} times too small" if factor > 1.0 else f"{1.0 / factor:.4g} times too large"
+    unit = unit_of_factor(TIME, factor)
+    what = f", as those of a clock in {unit} that is read in s" if unit else ""
+    raise DerivationError(
+        f"the times of the recording are {size}{what}: a sampling period of {data.period:.4g} s and a motion of "
+        f"{frequency:.3g} Hz; with the other unit {factor * data.period:.4g} s and {frequency / factor:.3g} Hz"
+    )

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from lab.friction.logs import write_log
+from rrrgen.base.errors import DerivationError
 from rrrgen.cli.main import run
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.friction.joint_recording import joint_data
 from samples.stick_slip_joint import Joint, record
 
 
@@ -28,6 +31,14 @@ def test_a_joint_that_stands_is_refused(tmp_path, capsys):
     code, message = refused(tmp_path, capsys, {"t": t, "q": q, "tau": rng.normal(size=len(t))})
     assert code == 4
     assert "no excitation" in message
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1e3, "ms"), (1e6, "us"), (1e9, "ns")])
+def test_a_clock_in_another_unit_is_named(moving, scale, unit):
+    """It was said to slide for 0 s only."""
+    log = Log(("q",), scale * moving["t"], moving["q"][:, None], moving["tau"][:, None])
+    with pytest.raises(DerivationError, match=f"clock in {unit} that is read in s"):
+        joint_data(log, "q")
 
 
 def test_a_torque_that_does_not_belong_to_the_motion_is_refused(moving, tmp_path, capsys):

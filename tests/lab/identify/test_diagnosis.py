@@ -196,6 +196,15 @@ class TestFaults:
         assert found.cause == "the clock is in ms, but is read in s"
         assert "time: {column: t, unit: ms}" in found.remedy
 
+    @pytest.mark.parametrize(("scale", "unit"), [(1e3, "ms"), (1e6, "us"), (1e9, "ns")])
+    def test_a_clock_in_any_unit_is_named(self, sound, name, scale, unit):
+        arm, log, dq = sound[name]
+        for read in (log, changed(log, dq=dq)):  # recorded speeds are a second witness
+            (found,) = diagnose_recordings(arm.spec, [changed(read, t=scale * log.t, period=scale * log.period)])
+            assert found.cause == f"the clock is in {unit}, but is read in s"
+            assert f"time: {{column: t, unit: {unit}}}" in found.remedy
+        assert len(found.evidence) == 2
+
     def test_friction_that_the_robot_file_does_not_ask_for(self, sound, name):
         arm, log, _ = sound[name]
         found = causes(arm, log, DriveTerms())

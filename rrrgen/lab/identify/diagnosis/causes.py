@@ -22,7 +22,6 @@ TABLES = {
     ("torque", True): signal_units.TORQUE,
     ("torque", False): signal_units.FORCE,
 }
-SAME_UNIT = 1e-6  # relative difference below which two conversion factors are the same
 NAMES = {"position": "position", "velocity": "speed", "torque": "torque"}
 
 
@@ -149,11 +148,11 @@ class Wording:
             period = source.period * factor
             return Cause(cause, f"time: {{rate: {1.0 / period:.6g} Hz}}{self._where()}")
         current = 1.0 if source is None else source.factor
-        unit = _unit_of(signal_units.TIME, current * factor)
+        unit = signal_units.unit_of_factor(signal_units.TIME, current * factor)
         column = "t" if source is None else source.column
         entry = f"unit: {unit}" if unit else f"a unit of {current * factor:.3g} s"
         if unit:
-            read = _unit_of(signal_units.TIME, current) or f"{current:g} s"
+            read = signal_units.unit_of_factor(signal_units.TIME, current) or f"{current:g} s"
             cause = f"the clock is in {unit}, but is read in {read}"
         return Cause(cause, f"time: {{column: {column}, {entry}}}{self._where()}")
 
@@ -243,8 +242,8 @@ class Wording:
         """Names of the unit in which a signal is read, and of the unit ``factor`` times as large ("" for none)."""
         table = TABLES[signal, self.revolute[joint]]
         channel = self._channel(signal, joint)
-        read = channel.unit if channel is not None and channel.unit else _unit_of(table, 1.0)
-        return read, _unit_of(table, table[read] * factor) if read in table else ""
+        read = channel.unit if channel is not None and channel.unit else signal_units.unit_of_factor(table, 1.0)
+        return read, signal_units.unit_of_factor(table, table[read] * factor) if read in table else ""
 
     def _where(self) -> str:
         if self.mapping is None:
@@ -252,8 +251,3 @@ class Wording:
         if self.mapping.source:
             return f", in {self.mapping.source}"
         return ", in a mapping file of this recording (docs/identification.md, section 3)"
-
-
-def _unit_of(table: dict[str, float], factor: float) -> str:
-    """Name of the unit in ``table`` (name -> factor to SI) that has this ``factor``; "" if there is none."""
-    return next((name for name, value in table.items() if math.isclose(value, factor, rel_tol=SAME_UNIT)), "")

@@ -15,7 +15,6 @@ from rrrgen.lab.identify.diagnosis.hypotheses import Comparison, Finding
 from rrrgen.lab.identify.diagnosis.rules import (
     RecordedStretch,
     clock,
-    clock_factor,
     dissipation,
     limits,
     recorded_speed,
@@ -91,7 +90,7 @@ def diagnose_fit(
         if sample is not None and int(np.sum(sample.use)) > len(regressor.names):
             words = wording(model.spec, recording)
             # a clock that is already known to be wrong is corrected, so that it does not hide other faults
-            sample = sample.stretch_time(clock_factor(RecordedStretch.of(model.spec, words, recording)))
+            sample = sample.stretch_time(RecordedStretch.of(model.spec, words, recording).clock_factor)
             laws = None
             if identification.regressor is not None and identification.regressor.surfaces:
                 laws = sample_of(

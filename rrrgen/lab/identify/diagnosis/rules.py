@@ -12,6 +12,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
+from rrrgen.lab.data.clock import THOUSANDS, clock_factor
 from rrrgen.lab.data.uniform_stream import Part
 from rrrgen.lab.estimate.statistics import Whiteness, rms
 from rrrgen.lab.identify.bandwidth import TUNING_SAMPLES, motion_bandwidth
@@ -59,13 +60,9 @@ def dissipation(regressor: AllTerms, sample: Sample, fit: Fit, words: Wording) -
 
 
 # ------------------------------------------------------------------------------------------------------------------
-# Diagnosis rule: a clock wrong by a factor of 1000; and the motion data used by all rules that need no model.
+# Diagnosis rule: a clock wrong by a power of 1000; and the motion data used by all rules that need no model.
 # ------------------------------------------------------------------------------------------------------------------
 
-SLOW_PERIOD, SLOW_MOTION = 0.05, 0.1
-"""A period above 50 ms (s) with a motion below 0.1 Hz: arms are sampled faster, and move faster."""
-FAST_PERIOD, FAST_MOTION = 5e-5, 200.0
-"""A period below 50 us (s) with a motion above 200 Hz: no arm moves so fast."""
 LAG = 10  # samples over which positions are differenced: a tenth of the encoder noise of single differences
 
 
@@ -95,21 +92,19 @@ class RecordedStretch:
         except InputError:
             return math.nan
 
+    @property
+    def clock_factor(self) -> float:
+        """Correction factor of time, 1 if sampling rate and motion are plausible."""
+        return clock_factor(self.period, self.bandwidth)
+
     def speeds(self) -> Array:
         """Mean speeds over LAG samples, (N - LAG, n)."""
         return np.asarray((self.part.q[LAG:] - self.part.q[:-LAG]) / (LAG * self.period))
 
 
-def clock_factor(motion: RecordedStretch) -> float:
-    """Correction factor of time: 1000 or 1/1000 if sampling rate and motion are implausible by that factor, else 1."""
-    slow = motion.period >= SLOW_PERIOD and motion.bandwidth < SLOW_MOTION
-    fast = motion.period <= FAST_PERIOD and motion.bandwidth > FAST_MOTION
-    return 1e-3 if slow else 1e3 if fast else 1.0
-
-
 def clock(motion: RecordedStretch) -> Iterator[Cause]:
-    """Report a clock that makes both sampling and motion implausible by a factor of 1000."""
-    factor = clock_factor(motion)
+    """Report a clock that makes both sampling and motion implausible by a power of 1000."""
+    factor = motion.clock_factor
     if factor != 1.0:
         yield motion.words.clock(factor).because(
             f"a period of {motion.period:.4g} s and a motion of {motion.bandwidth:.3g} Hz bandwidth; "
@@ -234,7 +229,8 @@ def _torques(motion: RecordedStretch) -> Iterator[Cause]:
 AGREES = 0.2  # relative difference below which two speeds agree, since drives delay and filter them
 SHAPE = 0.8  # squared correlation above which two curves differ by a factor only
 TURN = 180.0 / math.pi
-FACTORS = (TURN, 1.0 / TURN, 30.0 / math.pi, math.pi / 30.0, 1e3, 1e-3)
+CLOCKS = (*THOUSANDS, *(1.0 / large for large in THOUSANDS))
+FACTORS = (TURN, 1.0 / TURN, 30.0 / math.pi, math.pi / 30.0, *CLOCKS)
 
 
 def recorded_speed(motion: RecordedStretch) -> Iterator[Cause]:
@@ -249,7 +245,7 @@ def recorded_speed(motion: RecordedStretch) -> Iterator[Cause]:
     wrong = [i for i in range(len(ratio)) if shape[i] >= SHAPE and abs(ratio[i] - 1.0) > AGREES]
     near = {i: _nearest(ratio[i]) for i in wrong}
     everywhere = {near[i] for i in wrong} if len(wrong) == len(ratio) else set()
-    if everywhere in ({1e3}, {1e-3}):
+    if len(everywhere) == 1 and everywhere <= set(CLOCKS):
         factor = 1.0 / everywhere.pop()
         yield motion.words.clock(factor).because(_ratios(motion.words, wrong, ratio))
         return
