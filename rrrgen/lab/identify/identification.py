@@ -42,6 +42,7 @@ from rrrgen.lab.identify.bandwidth import Tuning, reach, tune
 from rrrgen.lab.identify.consistency import (
     POSES,
     ConsistentEstimate,
+    InconsistentEstimateError,
     KnownParameters,
     consistent_estimate,
     indefinite_share,
@@ -406,9 +407,17 @@ def identify(
             f"{longest:.3g} s; make the blocks shorter"
         )
     restricted = options.fixed, options.fixed_standard, options.seed, rows
-    chosen = hold_unexcited(chosen, regressor, factors.fit, *restricted)
-    run = _Run(model, regressor, chosen, recordings, tuning, options, factors, blocks, held_out, tell, nuisances)
-    identification = run.result()
+
+    def result(bodies: bool) -> Identification:
+        held = hold_unexcited(chosen, regressor, factors.fit, *restricted, bodies=bodies)
+        return _Run(
+            model, regressor, held, recordings, tuning, options, factors, blocks, held_out, tell, nuisances
+        ).result()
+
+    try:
+        identification = result(bodies=True)
+    except InconsistentEstimateError:  # no body may have what the recording tells and what the robot file says
+        identification = result(bodies=False)
     return replace(identification, repairs=tuple(recording.repairs for recording in recordings), friction=friction)
 
 
@@ -617,6 +626,8 @@ class _Run:
         held = list(self.chosen.held_from(b))
         known[held] = self.chosen.known[held]
         free = [i for i in range(len(columns)) if i not in held]
+        kept = {column.name: float(value) for column, value in zip(columns, self.chosen.known, strict=True)}
+        bodies = {name: kept[name] for name in self.chosen.unexcited} | dict(options.fixed)
         rms = float(np.sqrt(np.sum(fit.torque_squares) / np.sum(fit.counts)))
         prior = options.prior or default_prior(self.model.spec, rms, options.prior_strength)
         T = np.eye(len(columns))[:, free]
@@ -627,7 +638,7 @@ class _Run:
             estimate.weights if robust is None else np.ones(self.model.n),
             prior,
             reference=estimate,
-            known=KnownParameters.of(self.model, options.fixed, options.fixed_standard),
+            known=KnownParameters.of(self.model, bodies, options.fixed_standard),
             scored=None if robust is None else fit.substitute(T, known),
         )
         theta, names = T @ optimum.theta + known, self.regressor.names

@@ -24,6 +24,7 @@ from rrrgen.lab.estimate.identifiability import (
 from rrrgen.lab.estimate.tsqr import JointFactors
 from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, law_columns
 from rrrgen.lab.identify.parameters import Column, DriveTerms, nominal_drives
+from rrrgen.robot.spec import standard_parameters
 from rrrgen.runtime.regressor_columns import drive_columns
 
 
@@ -168,13 +169,15 @@ class Parametrisation:
     """Map between the identifiable parameters x (r,) and the parameters theta (p,) of all columns.
 
     ``theta = T x + known`` with T (p, r), and ``x = G theta[free]`` with G from ``structure``, which also names x;
-    ``free`` are the columns without a known value; ``notes`` are sentences on those that :func:`hold_unexcited` keeps.
+    ``free`` are the columns without a known value. ``unexcited`` are the names of those that :func:`hold_unexcited`
+    keeps, ``notes`` sentences on them.
     """
 
     structure: Structure
     T: Array
     known: Array
     free: tuple[int, ...]
+    unexcited: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     def transform(self, factors: JointFactors) -> JointFactors:
@@ -202,22 +205,27 @@ def hold_unexcited(
     fixed_standard: Mapping[str, float],
     seed: int = 0,
     measured: NDArray[np.bool_] | None = None,
+    bodies: bool = True,
 ) -> Parametrisation:
-    """Keep drive and friction parameters that the rows of ``factors`` do not excite at the values of the robot file.
+    """Keep parameters that the rows of ``factors`` do not excite at all at the values of the robot file.
 
     The columns of a joint that stands, or whose rows are left out, are zero or round-off of the reconstructed motion:
-    no torque tells their parameters, and nothing but a sign bounds them in an estimate. Parameters without a value in
-    the robot file are kept at 0. ``chosen`` is the parametrisation by the other arguments, those of
-    :func:`parametrise`; it is returned if all parameters are excited.
+    no torque tells their parameters, and nothing but a sign bounds those of drives and friction. These are kept at 0
+    where the robot file has no value. Base parameters are kept if it has links, and not without ``bodies``; otherwise
+    the prior determines them. ``chosen`` is the parametrisation by the other arguments, those of :func:`parametrise`;
+    it is returned if all parameters are excited.
     """
     size = np.sqrt(np.sum(factors.R[:, :, :-1] ** 2, axis=(0, 1)))
     absent = size <= RELATIVE_TOLERANCE * np.max(size, initial=0.0)
-    columns = zip(regressor.columns, absent, strict=True)
-    still = [column for column, gone in columns if gone and column.kind != "rigid" and column.name not in fixed]
-    if not still:
+    if not absent.any():
         return chosen
-    spec = regressor.model.spec
-    stated = {} if spec is None else nominal_drives(spec)
+    stated = _nominal_values(regressor.model)
+    free = set(chosen.structure.all_names)
+    still = [
+        column
+        for column, gone in zip(regressor.columns, absent, strict=True)
+        if gone and column.name in free and (column.kind != "rigid" or (bodies and column.name in stated))
+    ]
     least = {column.name: 0.0 if column.is_non_negative else -np.inf for column in still}
     values = {name: max(stated.get(name, 0.0), bound) for name, bound in least.items()}
     effective = dict(zip(chosen.structure.all_names, np.any(chosen.structure.G, axis=0), strict=True))
@@ -228,7 +236,17 @@ def hold_unexcited(
         source = "as in the robot file" if name in stated else "which the robot file leaves open"
         notes.append(f"{reason}: it stays at {value:.6g}, {source}")
     held = parametrise(regressor, values | dict(fixed), fixed_standard, seed, measured)
-    return replace(held, notes=tuple(notes))
+    return replace(held, unexcited=tuple(values), notes=tuple(notes))
+
+
+def _nominal_values(model: RigidModel) -> dict[str, float]:
+    """The base, drive and friction parameters (SI) by name that the robot file of ``model`` states."""
+    spec, K = model.spec, np.asarray(model.base_projection)
+    if spec is None:
+        return {}
+    phi = np.array([standard_parameters(link) for link in spec.links or ()], float).ravel()
+    base = zip(model.base_parameter_names, K @ phi, strict=True) if phi.size == K.shape[1] else ()
+    return {name: float(value) for name, value in base} | nominal_drives(spec)
 
 
 LEAST_SINE = 0.2

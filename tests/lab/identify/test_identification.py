@@ -114,6 +114,22 @@ def test_a_joint_that_stands_keeps_the_drive_of_the_robot_file(error):
         assert np.all(estimate.delivered.std < 0.05)
 
 
+def test_a_first_joint_that_stands_keeps_the_links_of_the_robot_file():
+    """Its inertia acts on no torque while the second one moves: both estimates keep it where the file has it."""
+    rigid = rrrgen.compile("planar2r", backend="numpy")
+    t = PERIOD * np.arange(N)
+    q, dq, ddq = fourier_motion(t, 2, 3, base=0.125, harmonics=6)
+    q[:, 0], dq[:, 0], ddq[:, 0] = 0.3, 0.0, 0.0
+    tau = rigid.inverse_dynamics(q, dq, ddq, rigid.beta) + 0.1 * np.random.default_rng(3).normal(size=q.shape)
+    log = Log(("q1", "q2"), t, q, tau, period=PERIOD)
+    estimate = identify(rigid, [log], Processing("butterworth", cutoff=20.0, decimate=10), Options(poses=10))
+    name = rigid.base_parameter_names[0]
+    assert estimate.known == {name: pytest.approx(rigid.beta[0])}
+    assert estimate.theta[0] == pytest.approx(rigid.beta[0])
+    assert estimate.consistent.theta[0] == pytest.approx(rigid.beta[0], rel=1e-6)
+    assert f"this motion does not excite {name} at all" in estimate.motion_notes[0]
+
+
 @pytest.mark.parametrize(("share", "step"), [(0.5, 1e-5), (0.01, 1e-7)])
 def test_a_flickering_encoder_of_a_standing_joint_leaves_the_rows_of_the_other(share, step):
     """The smoother of a joint without motion must not reach over the whole recording: no row is left then."""
