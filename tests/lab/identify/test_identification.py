@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import sympy as sp
 from scipy.integrate import cumulative_trapezoid
 
 import rrrgen
@@ -57,6 +58,7 @@ def logs(arm):
 
 
 KALMAN = Processing("kalman", decimate=5)
+BUTTERWORTH = Processing("butterworth", cutoff=20.0, decimate=10)
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +102,7 @@ def test_a_joint_that_stands_keeps_the_drive_of_the_robot_file(error):
     if error == "drift":
         walk = 2e-6 * np.cumsum(np.random.default_rng(4).normal(size=N))
         log = replace(log, q=log.q + np.column_stack([np.zeros(N), walk]))
-    method = KALMAN if error == "drift" else Processing("butterworth", cutoff=20.0, decimate=10)
+    method = KALMAN if error == "drift" else BUTTERWORTH
     estimate = identify(arm, [log], method, Options(poses=10))
     assert estimate.known == {"Ia2": 0.05, "fv2": 0.7, "fc2": 1.5}
     identified = identified_spec(arm.spec, estimate.consistent).joints[1]
@@ -114,20 +116,36 @@ def test_a_joint_that_stands_keeps_the_drive_of_the_robot_file(error):
         assert np.all(estimate.delivered.std < 0.05)
 
 
-def test_a_first_joint_that_stands_keeps_the_links_of_the_robot_file():
-    """Its inertia acts on no torque while the second one moves: both estimates keep it where the file has it."""
-    rigid = rrrgen.compile("planar2r", backend="numpy")
+def second_joint_moves(arm):
+    """A recording with noise of a planar ``arm`` of which the first joint stands."""
     t = PERIOD * np.arange(N)
     q, dq, ddq = fourier_motion(t, 2, 3, base=0.125, harmonics=6)
     q[:, 0], dq[:, 0], ddq[:, 0] = 0.3, 0.0, 0.0
-    tau = rigid.inverse_dynamics(q, dq, ddq, rigid.beta) + 0.1 * np.random.default_rng(3).normal(size=q.shape)
-    log = Log(("q1", "q2"), t, q, tau, period=PERIOD)
-    estimate = identify(rigid, [log], Processing("butterworth", cutoff=20.0, decimate=10), Options(poses=10))
+    tau = arm.inverse_dynamics(q, dq, ddq, arm.beta) + 0.1 * np.random.default_rng(3).normal(size=q.shape)
+    return Log(("q1", "q2"), t, q, tau, period=PERIOD)
+
+
+def test_a_first_joint_that_stands_keeps_the_links_of_the_robot_file():
+    """Its inertia acts on no torque while the second one moves: both estimates keep it where the file has it."""
+    rigid = rrrgen.compile("planar2r", backend="numpy")
+    estimate = identify(rigid, [second_joint_moves(rigid)], BUTTERWORTH, Options(poses=10))
     name = rigid.base_parameter_names[0]
     assert estimate.known == {name: pytest.approx(rigid.beta[0])}
     assert estimate.theta[0] == pytest.approx(rigid.beta[0])
     assert estimate.consistent.theta[0] == pytest.approx(rigid.beta[0], rel=1e-6)
     assert f"this motion does not excite {name} at all" in estimate.motion_notes[0]
+
+
+@pytest.mark.filterwarnings("ignore:Solution may be inaccurate")
+def test_links_that_no_body_is_are_not_kept():
+    """The file has a moment of inertia of -5 kg m^2, which the motion does not contradict: the prior decides."""
+    rigid = rrrgen.compile("planar2r", backend="numpy")
+    first, last = rigid.spec.links
+    impossible = replace(first, inertia=(*first.inertia[:2], sp.Integer(-5), *first.inertia[3:]))
+    arm = rrrgen.compile(replace(rigid.spec, links=(impossible, last)), backend="numpy")
+    estimate = identify(arm, [second_joint_moves(rigid)], BUTTERWORTH, Options(poses=10))
+    assert estimate.known == {}
+    assert estimate.consistent.theta[0] > 0.0
 
 
 @pytest.mark.parametrize(("share", "step"), [(0.5, 1e-5), (0.01, 1e-7)])

@@ -46,6 +46,16 @@ def test_parameters_can_be_fixed_left_out_and_mapped_afterwards():
     )
 
 
+def test_a_column_of_round_off_counts_as_zero_and_a_short_one_does_not():
+    rows, _ = problem()
+    for size, lost in ((1e-14, True), (1e-9, False)):
+        W = rows.W * np.where(np.arange(P) == 2, size, 1.0)
+        factors = factor_rows(Rows(rows.t, W, rows.tau, rows.use, rows.segment)).without_round_off()
+        solution = least_squares(factors, NAMES)
+        assert solution.rank == P - lost
+        assert (abs(solution.x[2]) < 1e-9) == lost
+
+
 def test_factors_of_different_problems_do_not_merge():
     from rrrgen.base.errors import InputError
 
