@@ -233,7 +233,7 @@ def _backend(jobs: int, cluster: str | None, shared: Sequence[Any]) -> Iterator[
         from distributed import Client
     except ImportError:
         raise MissingExtraError("a cluster", "distributed", "cluster") from None
-    if not re.fullmatch(r"(\w+://)?[^/]+:\d+", cluster):  # a client of another word would try on in its thread
+    if not re.fullmatch(r"([\w.+-]+://)?[^/]+:\d+", cluster):  # a client of another word would try on in its thread
         raise InputError(f"{cluster} is no address of a Dask scheduler; it is written as tcp://host:port")
     try:
         client = Client(cluster, timeout=CLUSTER_TIMEOUT, set_as_default=False)  # type: ignore[no-untyped-call]

@@ -141,7 +141,7 @@ def test_a_cluster_that_does_not_answer_is_an_input_error(tmp_path):
     path, regressor, _ = recording(tmp_path)
     maker = RowMaker(regressor, PROCESSINGS[0], len(regressor.names))
     with pytest.raises(InputError, match="no Dask scheduler answers"):
-        factor_recordings(Observations((read_log(path),), maker), cluster="not-an-address://x")
+        factor_recordings(Observations((read_log(path),), maker), cluster="not-an-address://x:1")
 
 
 def test_rows_in_memory_and_rows_computed_anew_are_the_same(tmp_path):
