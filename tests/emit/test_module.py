@@ -20,7 +20,14 @@ from emit.casadi_cases import arguments, as_matrices, build, call
 from pipeline.optimized import bundled
 from rrrgen.derive import derive
 from rrrgen.derive.parameters.listing import listing
-from rrrgen.emit.casadi.files import casadi_programs, derivatives_of, is_reproducible, serialize, sources
+from rrrgen.emit.casadi.files import (
+    casadi_programs,
+    derivatives_of,
+    is_reproducible,
+    leftover_files,
+    serialize,
+    sources,
+)
 from rrrgen.emit.casadi.function import function
 from rrrgen.program import Program, Role, evaluate
 from rrrgen.robot.file import load_spec, loads_spec
@@ -236,3 +243,13 @@ def test_sources_repeat_in_a_fresh_process() -> None:
         [sys.executable, "-c", _HASH], env=environment, check=True, capture_output=True, text=True, timeout=120
     )
     assert done.stdout.strip() == here
+
+
+def test_leftover_functions_are_those_of_the_modules(tmp_path):
+    module = 'f = ca.Function("a_casadi_f", [q], [x])\ng = ca.Function("a_casadi_g", [q], [x])\n'
+    files = {"casadi/a_casadi.py": module, "casadi/a_casadi_g.casadi": b"new"}
+    (tmp_path / "casadi").mkdir()
+    assert leftover_files(files, tmp_path) == []
+    for name in ("a_casadi_f", "a_casadi_g", "a_casadi_mine", "b_casadi_f"):
+        (tmp_path / "casadi" / f"{name}.casadi").touch()
+    assert leftover_files(files, tmp_path) == ["casadi/a_casadi_f.casadi"]
