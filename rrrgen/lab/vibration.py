@@ -127,10 +127,10 @@ def design_notches(
 ) -> list[Notch]:
     """Design one notch filter for each of the ``vibrations``, for the sampling ``period`` in s.
 
-    ``width`` is the damping ratio of the filters' poles. If it is None, each filter gets the smallest width with which
-    the amplification that remains, ``|H| / (2 zeta)``, is at most ``peak`` in every posture, or 1 if no width achieves
-    that: a narrow notch costs least phase below its frequency. Raises :class:`InputError` for a vibration above half
-    the sampling rate or a width outside (0, 1].
+    ``width`` is the damping ratio of the filters' poles. If it is None, each filter gets the smallest width, from
+    twice the damping ratio of the mode on, with which the amplification that remains, ``|H| / (2 zeta)``, is at most
+    ``peak`` in every posture, or 1 if no width achieves that: a narrow notch costs least phase below its frequency.
+    Raises :class:`InputError` for a vibration above half the sampling rate or a width outside (0, 1].
     """
     below_sampling(vibrations, period)
     if width is not None and not 0.0 < width <= WIDEST:

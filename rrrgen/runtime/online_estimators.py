@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -239,12 +239,15 @@ def online_estimator(
     Args:
         model: the robot, from :func:`rrrgen.compile`.
         kind: "rls", recursive least squares, or "gradient".
-        settings: gains, noise and starting values; the gradient needs its gain.
+        settings: gains, noise and starting values, of both kinds; the gradient needs its gain.
         fixed: known parameters, by name, with their values in SI units; the others are estimated.
 
     Raises:
-        InputError: the settings are impossible.
+        InputError: the kind is unknown, or the settings are impossible.
+        DerivationError: Newton's method finds the positions of the robot's closed loops.
     """
+    if kind not in get_args(Kind):
+        raise InputError(f"there is no online estimator {kind!r}; there are {' and '.join(get_args(Kind))}")
     setting = regression(model.derived, fixed)
     given = settings or EstimatorSettings()
     chosen = given.fill_defaults(setting)

@@ -425,4 +425,4 @@ class TimedPath:
         """
         times = np.asarray(t, dtype=float)
         parts = self._sampler(self.path, self.ds_dt, self.t, times.reshape(-1))
-        return Motion(*(part.reshape(*times.shape, -1) for part in parts))
+        return Motion(*(part.reshape(*times.shape, self.path.q.shape[1]) for part in parts))

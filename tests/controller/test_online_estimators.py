@@ -5,13 +5,14 @@ from __future__ import annotations
 import subprocess
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import rrrgen
 from oracles.recursive_least_squares import InformationFilter, batch_estimate, gradient_step
-from rrrgen.base.errors import InputError
+from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.emit.controller.online_estimators import (
     EstimatorSettings,
     chosen_gain,
@@ -377,10 +378,20 @@ def test_impossible_settings_are_refused(settings, reason):
         online_estimator(compiled("rrr"), "rls", EstimatorSettings(**settings), FIXED)
 
 
+def test_loops_of_newtons_method_have_no_estimator():
+    six_bar = Path(__file__).parents[2] / "examples" / "linkages" / "six_bar.yaml"
+    with pytest.raises(DerivationError, match="an online estimator does not exist with loops solved by Newton's"):
+        rrrgen.online_estimator(rrrgen.compile(six_bar, backend="numpy"))
+
+
 def test_parameters_that_do_not_exist_cannot_be_fixed():
     with pytest.raises(InputError, match="'p99' is no parameter of rrr: there are p1, p2"):
         online_estimator(compiled("rrr"), "rls", fixed={"p99": 0.0})
     with pytest.raises(InputError, match="needs a gain"):
         online_estimator(compiled("rrr"), "gradient")
+    with pytest.raises(InputError, match="there is no online estimator 'kalman'; there are rls and gradient"):
+        online_estimator(compiled("rrr"), "kalman")
+    with pytest.raises(InputError, match="gain"):
+        online_estimator(compiled("rrr"), "gradient", EstimatorSettings(gain=-1.0))
     with pytest.raises(ValueError, match=r"all \(n,\) or all \(N, n\)"):
         online_estimator(compiled("rrr")).update(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros((2, 3)))

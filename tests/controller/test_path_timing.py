@@ -290,6 +290,11 @@ def test_sampled_motion_is_consistent(panda):
     np.testing.assert_allclose(at_points.dq_d, path.q_s * timed.ds_dt[:, None], atol=1e-6)
 
 
+def test_no_time_has_no_motion(rrr):
+    motion = rrr.time_path(line(3), **free(3) | {"dq_max": np.full(3, 2.0), "ddq_max": np.full(3, 2.0)}).sample([])
+    assert motion.q_d.shape == (0, 3)
+
+
 def test_the_arm_rests_before_and_after_the_motion(rrr):
     """Also where speed and acceleration at the ends are not zero: a controller would follow them off the end."""
     limits = free(3) | {"dq_max": np.full(3, 2.0), "ddq_max": np.full(3, 5.0)}
@@ -328,6 +333,8 @@ def test_what_cannot_be_timed(rrr):
         rrr.time_path(line(3), tau_max=[1.0, 2.0])
     with pytest.raises(ValueError, match=r"tau_max must be 3 numbers, not \[nan, 1.0, 1.0\]"):
         rrr.time_path(line(3), tau_max=[np.nan, 1.0, 1.0])
+    with pytest.raises(ValueError, match="the robot file gives no drive inertia, so Ia is not part of the model"):
+        rrr.time_path(line(3), **some, Ia=[1.0, 1.0, 1.0])
     with pytest.raises(TypeError, match=r"path is of type list; rrrgen.spline_path\(waypoints\) makes a path"):
         rrr.time_path([[0, 0, 0], [1, 1, 1]])
 

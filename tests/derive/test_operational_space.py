@@ -105,6 +105,9 @@ def test_the_tip_is_damped_where_it_cannot_move_and_the_torques_stay_continuous(
     undamped, _ = sweep(1e-12)
     assert np.abs(undamped).max() > 10 * np.abs(tau).max()
     close(undamped[0], tau[0])
+    values["q"] = np.tile([0.3, -0.9, 0.4, 0.2, 0.0, 0.1], (2, 1))
+    step = called(program, values | {"damping": 0.0})  # the tip can move, but no torque says how: not in silence
+    assert np.all(step["status"] == 1)
 
 
 def test_contact_compares_with_thresholds():

@@ -14,6 +14,7 @@ from oracles.external import MuJoCo, Pinocchio
 from oracles.newton_euler import Link
 from oracles.random_robots import random_link, random_robot, random_state, to_yaml, transform
 from rrrgen import compile
+from rrrgen.base.errors import InputError
 from rrrgen.derive import derive
 from rrrgen.robot.file import loads_spec, read
 
@@ -128,6 +129,8 @@ def test_a_payload_in_a_frame_of_its_own(model, payload):
     R, p = T[:3, :3], T[:3, 3]
     inside = model.add_payload(payload.mass, R @ payload.com + p, R @ payload.inertia @ R.T)
     close(model.add_payload_at(payload.mass, payload.com, payload.inertia, T), inside)
+    with pytest.raises(InputError, match="frame: the rotation of a pose is not orthonormal"):
+        model.add_payload_at(payload.mass, payload.com, payload.inertia, np.diag([2.0, 2.0, 2.0, 1.0]))
 
 
 def test_payloads_in_batches_and_point_masses(evaluated):

@@ -144,13 +144,13 @@ def operational_space(task: _ControlledTask) -> Recorder:
             for a, p, x, d, v_d, v, i, s in zip(A_d, kp, e, kd, V_d, times(J, dq), ki, z, strict=True)
         ]
         drift = add(kinematics.jacobian_dot_dq(chain, dq)[:count], times(transpose(X), tau_0))
-        force, delta = _damped_solution(b, product(J, X), subtract(wanted, drift), damping)
+        force, delta, singular = _damped_solution(b, product(J, X), subtract(wanted, drift), damping)
         tau_add = r.take("tau_add")
         tau = add(add(times(transpose(J), force), add(h, tau_0)), tau_add)
         tau_max = r.take("tau_max")
         (Ts,) = r.take("Ts")
         held, at_limit = limit_torques(b, tau, tau_max)
-        rests = b.select(M.status, 1, b.select(delta, 1, 0))
+        rests = b.select(M.status, 1, b.select(delta, 1, b.select(singular, 1, 0)))
         stuck: Any = rests
         for flag in at_limit:
             stuck = stuck + flag
@@ -176,9 +176,10 @@ def operational_space(task: _ControlledTask) -> Recorder:
     return record
 
 
-def _damped_solution(b: Builder, A: Matrix, x: Vector, damping: Value) -> tuple[Vector, Value]:
-    """Solve ``(A + delta diag(s)) F = x`` with damping near singular A; returns F and delta, which is >= 0.
+def _damped_solution(b: Builder, A: Matrix, x: Vector, damping: Value) -> tuple[Vector, Value, Value]:
+    """Solve ``(A + delta diag(s)) F = x`` with damping near singular A; returns F, delta, which is >= 0, and a status.
 
+    The status is 1 where the matrix is singular all the same, since the damping is too small: F is of no use there.
     s holds the mean of the diagonal of A over its linear and its angular part; delta is 0 where no pivot of A is small.
     """
     count = len(A)
@@ -190,7 +191,8 @@ def _damped_solution(b: Builder, A: Matrix, x: Vector, damping: Value) -> tuple[
         smallest = b.select(b.sub(smallest, share), share, smallest)
     delta = b.sub(damping, b.select(smallest, smallest, 0))
     damped = [[A[i][j] + (delta * s[i] if i == j else 0) for j in range(count)] for i in range(count)]
-    return factorize(b, damped).solve(x), delta
+    factors = factorize(b, damped)
+    return factors.solve(x), delta, factors.status
 
 
 OPERATIONAL_SPACE, POSITION_OPERATIONAL_SPACE = operational_space(POSE), operational_space(POSITION)

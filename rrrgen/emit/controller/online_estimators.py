@@ -19,6 +19,7 @@ from rrrgen.emit.printing import columns
 from rrrgen.program import Builder, Port, Program, Role, evaluate
 from rrrgen.program.builder import replay
 from rrrgen.robot.model.drives import DriveTerm, drive_terms, friction_surfaces, inertia_terms, unit
+from rrrgen.robot.model.mechanism import refuse_newton
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -62,8 +63,9 @@ def regression(derived: DerivedModel, fixed: Mapping[str, float] | None = None) 
     """Build the linear regression of a robot for online estimation; ``fixed`` (name -> value) are known parameters.
 
     Raises :class:`InputError` for a name that is no parameter of this robot, a value that is no number, or if nothing
-    is left to estimate.
+    is left to estimate; DerivationError for a robot with closed loops whose positions Newton's method finds.
     """
+    refuse_newton(derived.spec, "an online estimator")
     known = dict(fixed or {})
     terms = drive_terms(derived.spec)
     every = (*(parameter.name for parameter in derived.base_parameters), *(term.name for term in terms))

@@ -181,14 +181,19 @@ class Calls:
         """
         if name in self._specializations and beta is None and Ia is None:
             return self._specializations[name], {}
-        if Ia is not None and self.drive_inertia is None:
-            raise ValueError(f"{name}: the robot file gives no drive inertia, so Ia is not part of the model")
+        self._check_drive_inertia(name, Ia)
         if not self.derived.programs[name].takes(Role.BASE_PARAMETERS):
             return name, {}
         return name, {"beta": self._with_drives(name, beta, Ia)}
 
+    def _check_drive_inertia(self, function: str, Ia: Any) -> None:
+        """Raise ValueError if drive inertias are given to a robot whose file states none."""
+        if Ia is not None and self.drive_inertia is None:
+            raise ValueError(f"{function}: the robot file gives no drive inertia, so Ia is not part of the model")
+
     def _with_drives(self, function: str, beta: Any = None, Ia: Any = None) -> Any:
         """The argument beta of programs: base parameters, then drive inertias, both nominal if None."""
+        self._check_drive_inertia(function, Ia)
         if beta is None and self.beta is None:
             raise ValueError(f"{function}: the robot file has no links, so beta= must be given")
         chosen = self.beta if beta is None else beta

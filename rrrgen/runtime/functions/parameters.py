@@ -115,10 +115,11 @@ class ParameterFunctions(Calls):
 
         Raises:
             ValueError: as for :meth:`add_payload`.
+            InputError: the frame is no rigid motion.
         """
         tensor, known = self._symmetric(inertia, beta, "add_payload_at")
         name = "add_payload_at" if tip is None else self._at_tip("add_payload_at", tip)
-        return self._of_links(self._call(name, mass, com, tensor, frame, known))
+        return self._of_links(self._call(name, mass, com, tensor, self._rigid("frame", frame), known))
 
     def _symmetric(self, inertia: Any, beta: Any, function: str) -> tuple[Any, Any]:
         """Check the arguments of a payload ``function``: returns the inertia tensor (default zero) and beta.
