@@ -18,6 +18,9 @@ PYTHON_TESTS := tests/base/yamltext tests/program tests/robot/importers/test_xml
 # --dist worksteal: a file stays with one worker while there are others, so that its fixtures are set up once;
 # tests start many processes, which would compile every module anew where the environment forbids to keep byte code
 unit python sweep: export PYTHONDONTWRITEBYTECODE :=
+# one thread of linear algebra in each test process: more of them wait for each other, and a quarter of the time is lost
+unit python sweep: export OPENBLAS_NUM_THREADS := 1
+unit python sweep: export OMP_NUM_THREADS := 1
 
 .DEFAULT_GOAL := rrr
 .PHONY: playground rrr core setup test lint types unit python sweep generated update stubs bench docs pages stranger mutants fuzz machines clean help
