@@ -37,9 +37,7 @@ NAMES = ("mass", "com_x", "com_y", "com_z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "
 UNITS = ("kg", "m", "m", "m", *["kg m^2"] * 6)
 PRIOR_RADIUS = 0.1  # m, radius of gyration of the prior, which determines what the motion does not
 CERTAIN = 0.5  # relative standard deviation of the mass above which there is no estimate
-LOOSE = (
-    1e-4  # share of a value, columns of unit length, in combinations that the torques do not contain; round-off: 1e-8
-)
+LOOSE = 1e-4  # share of a value in combinations that the torques do not contain, above which these leave it open
 SIGNIFICANT = 4.0  # deviations below 0 at which the mass of the unconstrained estimate counts as negative
 NOTICEABLE = 1.1  # ratio of torque errors above which the motion tells that mass, and not the choice among equal ones
 SHARE = 1e-4  # of the RMS torque: a payload with smaller torques counts as none

@@ -120,11 +120,11 @@ class Standstill(NamedTuple):
 
 
 def standstill(regressor: FullRegressor, processing: Processing, period: float) -> Standstill:
-    """The samples at which a joint with Coulomb friction may stand; none for a joint without.
+    """The samples to leave out because a joint with Coulomb friction may stand there; none for a joint without.
 
-    Between two directions of motion it carries any torque up to its Coulomb friction, while the sign of the
-    reconstructed speed is that of an error, also as far as the reconstruction spreads the reversal. Samples
-    stay where a law with a state describes the reversal, or one with shapes needs the low speeds, and with methods of
+    A joint that stands carries any torque up to its Coulomb friction, and around a reversal the sign of the
+    reconstructed speed is not known, over as many samples as the reconstruction spreads the reversal. No sample is left
+    out where a law with a state describes the reversal, where one with shapes needs the low speeds, or with methods of
     reconstruction that state no uncertainty. ``period`` is that of the sampling, s.
     """
     method = processing.reconstructor() if processing.method in KALMAN else None
